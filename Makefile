@@ -37,7 +37,7 @@ docs: $(READY)
 # Tests start hundreds of processes: each reads compiled sources, whatever the shell says of writing them.
 test: export PYTHONDONTWRITEBYTECODE =
 test: .venv/warm
-	$(BIN)/python -m pytest -n 3 --dist loadscope --no-loadscope-reorder -m "not soak" $(COVERAGE)
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -m "not soak" $(COVERAGE)
 	@[ -z "$(COVERAGE)" ] || echo "coverage: $$($(BIN)/python -m coverage report --format=total) % of lines"
 
 check: $(READY)

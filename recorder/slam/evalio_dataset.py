@@ -28,10 +28,14 @@ DATA = "CARLALOC_DATA"
 """Environment variable: folder with sequences."""
 
 
-@functools.cache
 def _folders() -> dict[str, Path]:
     """Folders of all sequences below `DATA`, by their names in evalio."""
-    root = Path(os.environ.get(DATA, "."))
+    return _folders_below(Path(os.environ.get(DATA, ".")))
+
+
+@functools.cache
+def _folders_below(root: Path) -> dict[str, Path]:
+    """The same of any folder, which is searched once."""
     found = [sequence.path for sequence in sequences_below(root)]
     return {"_".join(folder.relative_to(root).parts).lower(): folder for folder in found}
 

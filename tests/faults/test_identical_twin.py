@@ -109,6 +109,7 @@ def test_a_rig_and_a_condition_hold_faults(straight_drive: StraightDrive, tmp_pa
     ("words", "message"),
     [
         (["--fault", "lidar.drop_share=0.1"], "sensor with faults in this rig"),
+        (["--fault", "imu.drop=0.1"], "did you mean 'drop_share'"),
         (["--condition", "missing.yaml"], "missing.yaml"),
     ],
 )

@@ -35,12 +35,12 @@ def test_units_cover_a_stretch_once(first_s: float, end_s: float, unit_s: float)
 
 
 def test_workers_and_cuts_change_no_byte(straight_drive: StraightDrive, tmp_path: Path) -> None:
-    """All formats, two weathers; event cameras remember across the cuts."""
+    """All formats, two weathers, two levels; event cameras remember across the cuts."""
 
     def sums(name: str, unit_s: float, workers: int) -> dict[str, str]:
         config = straight_drive.config(
             tmp_path / name, rig=str(straight_drive.rig), unit_s=unit_s, workers=workers, topics="full",
-            duration_s=0.2, weathers=("ClearNoon", "RainyNight"),
+            duration_s=0.2, weathers=("ClearNoon", "RainyNight"), traffic=("static", "dynamic"),
             formats=("rosbag1", "rosbag1_lz4", "rosbag2", "euroc", "kitti", "dsec", "raw"),
         )  # fmt: skip
         try:

@@ -19,8 +19,8 @@ from recorder.evaluation.trajectory_files import write_tum
 from recorder.replaying.replay import ReplayConfig, replay
 
 NAMES = tuple(targets(Seeds(episode=Path(), bag=Path(), tum=Path()), Path()))
-FEW, MANY = 50, 11_200
-"""Inputs of one kind: in the tests (some 600 in all) and in the soak (100 000)."""
+FEW, MANY = 80, 11_200
+"""Inputs of one kind: in the tests (about 1000 in all) and in the soak (100 000)."""
 
 
 @pytest.fixture(scope="module")

@@ -25,9 +25,9 @@ FOCUS_M = 10.0
 """Distance below which the echo is out of focus on the detector, so that ever less of it counts [m].
 
 The form is that of Fang et al., "Intensity correction of terrestrial laser scanning data by estimating
-laser transmission function" (2015). The value is ours: in fog of 50 m it lets bright targets be seen to
-26 m, as Bijelic et al., "A benchmark for lidar sensors in fog" (2018), measured. With the whole echo from
-1 m on, the fog hid them at 12 m.
+laser transmission function" (2015). The value is ours: in fog of 50 m, it lets bright targets be seen to
+the 26 m of LISA's rule. By the model of an HDL-64 of Bijelic et al., "Seeing through fog without seeing
+fog" (2020), points vanish there beyond 20 to 30 m. With the whole echo from 1 m on, they did at 12 m.
 """
 WATER_REFLECTANCE = 0.0198
 """Reflectance of a drop's face, ((n − 1)/(n + 1))² with n = 1.328 at 905 nm."""

@@ -130,17 +130,17 @@ def sky(air: Atmosphere, rays: int = 20_000) -> Any:
     ("mor_m", "low", "high"), [(500, 0, 0), (300, 0, 1e-3), (100, 0.01, 0.2), (30, 0.5, 0.9)]
 )
 def test_thin_fog_sends_nothing_back(mor_m: float, low: float, high: float) -> None:
-    """A real sensor (Bijelic et al. 2018) loses no target within 120 m at 300 m of visibility."""
+    """By the model of a real sensor (Bijelic et al. 2020), fog of 300 m hides no target within 120 m."""
     share = np.mean(np.isfinite(sky(atmosphere_at(fog_of(math.log(20) / mor_m), 0.0))[0]))
     assert low <= share <= high
 
 
-def test_fog_hides_bright_targets_where_it_was_measured() -> None:
-    """In fog of 50 m, its mean echo is weaker than that of a 90 % target within 26 m (Bijelic et al.)."""
+def test_fog_hides_bright_targets_no_nearer_than_their_own_echo_fades() -> None:
+    """In fog of 50 m, its mean echo is weaker than that of a 90 % target within its reach by LISA's rule."""
     alpha = math.log(20) / 50.0
     echo = FogEcho(atmosphere_at(fog_of(alpha), 0.0))
     reach = brentq(lambda r: 0.9 * math.exp(-2 * alpha * r) / r**2 - echo.power.max(), 1.0, 120.0)
-    assert reach == pytest.approx(26.0, abs=1.0)
+    assert reach == pytest.approx(REACH_IN_FOG[0.06, 0.9], abs=1.0)
 
 
 def test_fog_throws_far_points_near(scenery: Any) -> None:
