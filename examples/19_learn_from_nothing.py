@@ -51,8 +51,10 @@ def main(
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(argument_default=argparse.SUPPRESS)
     parser.add_argument("out", type=Path)
-    for name in ("steps", "seed", "workers", "scored"):
+    for name in ("steps", "seed", "workers", "scored", "n_steps", "n_epochs"):
         parser.add_argument(f"--{name}", type=int)
+    for name in ("learning_rate", "gamma", "ent_coef"):
+        parser.add_argument(f"--{name}", type=float)
     parser.add_argument("--begin-with", type=Path)
     parser.add_argument("--route")
     parser.add_argument("--towns", nargs="+")

@@ -18,6 +18,7 @@ from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.envs.base_env import BaseEnv
 from carlaloc_env.envs.human_window import HumanWindow
 from carlaloc_env.envs.seat_view import view_from_seat
+from carlaloc_env.envs.task.ackermann import Motion
 from carlaloc_env.envs.task.actions import action_kind
 from carlaloc_env.envs.task.agent_views import agent_view, rig_of
 from carlaloc_env.envs.task.config import TaskConfig
@@ -137,11 +138,11 @@ class CarlaLocEnv(BaseEnv):
         self._check_open("step")
         if self._referee is None:
             raise ActionError("step before reset; call reset() first")
-        controls = self._actions.controls(action)
         verdict = Verdict()
         contacts: list[Contact] = []
         samples: list[Sample] = []
         for _ in range(self._frame_skip):
+            controls = self._actions.controls(action, self._motion())
             touched = [contact for _ in range(STEP_TICKS) for contact in self.world.tick(controls)]
             contacts += touched
             verdict = verdict.then(self._referee.judge(touched))
@@ -190,6 +191,11 @@ class CarlaLocEnv(BaseEnv):
         self.world = DrivingWorld(self._town, traffic)
         self.stage = SensorStage(self.world.town, seed=0, weather=self.weather, quality=self._quality)
         self._view = agent_view(self._rig, self.world, self.stage)
+
+    def _motion(self) -> Motion:
+        route = self.world.route
+        limit_mps = float(route.speed_limit_mps[route.row_at(self.world.route_s_m)])
+        return Motion(speed_mps=self.world.state.speed_mps, speed_limit_mps=limit_mps)
 
     def _show(self) -> None:
         """Show what the driver sees, in `render_mode` human."""

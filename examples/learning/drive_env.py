@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from gymnasium.wrappers import TransformAction, TransformReward
+from gymnasium.wrappers import TransformReward
 from stable_baselines3.common.monitor import Monitor
 
 from carlaloc_env.envs.any_town_env import AnyTownEnv
@@ -21,8 +20,6 @@ REWARD = 0.05
 """Factor on rewards, so that the values of states are of order 1."""
 MILD = {"collision": 20.0, "off_road": 10.0, "red_light": 30.0}
 """Costs in training: with the task's own, a car that knows nothing earns most by standing still."""
-STEER, PEDAL = 0.6, 0.25
-"""Steering of a full action, and the pedal of action 0: a network that knows nothing rolls along its lane."""
 
 
 def drive_env(
@@ -33,18 +30,16 @@ def drive_env(
     Args:
         towns: The towns.
         route: `town` or `random`.
-        gentle: Actions as `STEER` and `PEDAL` scale them, in place of full lock and bare pedals.
+        gentle: Actions of the kind `ackermann`, in place of wheel and pedals.
         apart: Observe the car and its road as `own`, and the others apart from it as `others`.
         settings: Further arguments of `CarlaLocEnv`.
     """
-    settings = {"rig": "state", "frame_skip": SKIP, **settings}
+    settings = {"rig": "state", "frame_skip": SKIP, "action": ("continuous", "ackermann")[gentle], **settings}
     if len(towns) == 1:
         env: Any = CarlaLocEnv(map=towns[0], route=route, **settings)
     else:
         drawn: dict[str, Any] = {"traffic": ("dynamic",), "weathers": ("ClearNoon",), "routes": (route,)}
         env = AnyTownEnv(towns, kept_towns=len(towns), **drawn, **settings)
-    if gentle:
-        env = TransformAction(env, _controls, env.action_space)
     return cut_apart(env) if apart else env
 
 
@@ -53,6 +48,3 @@ def logged(file: Path, towns: Sequence[str], *, urge: bool = True, **kind: Any) 
     env: Any = Monitor(drive_env(towns, **kind), str(file), info_keywords=("route_completion", "ended_by"))
     return TransformReward(Urged(env) if urge else env, lambda reward: REWARD * float(reward))
 
-
-def _controls(action: Any) -> Any:
-    return np.clip([STEER * action[0], action[1] + PEDAL], -1.0, 1.0)

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
+from carlaloc_env.envs.task.ackermann import Motion, controls_towards
+from carlaloc_env.physics.params import VehicleParams
 
 STEERS = (-0.6, -0.3, -0.12, -0.04, 0.0, 0.04, 0.12, 0.3, 0.6)
 """Steering of discrete actions, full right −1 to full left +1."""
@@ -20,6 +22,8 @@ PEDALS = (-0.8, -0.3, 0.0, 0.35, 0.8)
 ROUNDING = 1e-6
 """So far may rounding put a number beyond its bounds, as a network in single precision does."""
 
+_CAR = VehicleParams()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActionKind:
@@ -27,12 +31,12 @@ class ActionKind:
 
     space: spaces.Space[Any]
     """All actions of this kind."""
-    controls: Callable[[Any], Controls]
-    """Controls of an action; raises `ActionError`, one line, for whatever is none."""
+    controls: Callable[[Any, Motion], Controls]
+    """Controls of an action for a step; raises `ActionError`, one line, for whatever is none."""
 
 
 def action_kind(name: str) -> ActionKind:
-    """A kind of actions by name: `controls`, `continuous` or `discrete`.
+    """A kind of actions by name: `controls`, `continuous`, `ackermann` or `discrete`.
 
     Raises:
         ConfigError: there is no such kind.
@@ -42,7 +46,7 @@ def action_kind(name: str) -> ActionKind:
     return ACTIONS[name]()
 
 
-def controls_of(action: ArrayLike) -> Controls:
+def controls_of(action: ArrayLike, _: Motion = Motion()) -> Controls:
     """Controls of an action vector (5,): steer, throttle, brake, reverse, handbrake.
 
     Raises:
@@ -55,7 +59,7 @@ def controls_of(action: ArrayLike) -> Controls:
     )
 
 
-def steer_and_pedal(action: ArrayLike) -> Controls:
+def steer_and_pedal(action: ArrayLike, _: Motion = Motion()) -> Controls:
     """Controls of an action vector (2,): steer, and throttle above 0 or brake below.
 
     Raises:
@@ -65,7 +69,17 @@ def steer_and_pedal(action: ArrayLike) -> Controls:
     return Controls(steer=steer, throttle=max(pedal, 0.0), brake=max(-pedal, 0.0))
 
 
-def chosen(action: Any) -> Controls:
+def steer_and_speed(action: ArrayLike, motion: Motion) -> Controls:
+    """Controls of an action vector (2,): steering and speed, each as a share of the most.
+
+    Raises:
+        ActionError: not two finite numbers from −1 to 1.
+    """
+    steer, speed = _numbers(action, {"steer": -1.0, "speed": -1.0})
+    return controls_towards(steer, speed, motion, _CAR)
+
+
+def chosen(action: Any, _: Motion = Motion()) -> Controls:
     """Controls of a discrete action: a number that counts pedals first, then steering.
 
     Raises:
@@ -104,6 +118,10 @@ def _two() -> ActionKind:
     return ActionKind(space=spaces.Box(-1.0, 1.0, (2,), np.float32), controls=steer_and_pedal)
 
 
+def _ackermann() -> ActionKind:
+    return ActionKind(space=spaces.Box(-1.0, 1.0, (2,), np.float32), controls=steer_and_speed)
+
+
 def _discrete() -> ActionKind:
     return ActionKind(space=spaces.Discrete(len(STEERS) * len(PEDALS)), controls=chosen)
 
@@ -111,6 +129,7 @@ def _discrete() -> ActionKind:
 ACTIONS: dict[str, Callable[[], ActionKind]] = {
     "controls": _five,
     "continuous": _two,
+    "ackermann": _ackermann,
     "discrete": _discrete,
 }
 """Makers of the kinds of actions."""
