@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from learning.others import OwnAndOthers
 
-PARAMETERS = {"n_steps": 1024, "batch_size": 128, "n_epochs": 10, "learning_rate": 3e-4, "gamma": 0.99}
+PARAMETERS = {"n_steps": 1024, "batch_size": 128, "n_epochs": 10, "learning_rate": 1e-3, "gamma": 0.99}
 """Parameters of PPO; all others are the library's defaults."""
 POLICY = {"log_std_init": -1.2, "net_arch": {"pi": [], "vf": [64, 64]}}
 """Actions are a linear function of the inputs, and spread by e to the power -1.2 at first, not by 1."""

@@ -8,7 +8,7 @@ from carlaloc_env.envs.task.state_vector import AHEAD, EGO, state_names
 
 OWN_DOING = ("yaw_rate", "road_wheel", "acceleration", "lateral_acceleration", "standing")
 """The driver's last actions: a copy learns from them to go on, without the reason."""
-OWN_SUMS = ("room", "braking")
+OWN_SUMS = ("room", "braking", "safe_speed", "corner_speed")
 """It works these out itself, of the leader and of the line apart."""
 NAMES = state_names()
 SEEN = [k for k, name in enumerate(NAMES) if name not in (*OWN_DOING, *OWN_SUMS)]

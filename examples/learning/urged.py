@@ -1,4 +1,4 @@
-"""What standing without a reason costs while an agent learns."""
+"""Costs while an agent learns, which lead where noise alone does not: off the brake, and onto it in time."""
 
 from __future__ import annotations
 
@@ -10,16 +10,21 @@ from carlaloc_env.envs.task.state_vector import state_names
 
 URGE, ROLLING_MPS, FREE_M = 0.6, 2.0, 8.0
 """Cost of an action that leaves the car standing before so much room; rolling costs less."""
-SPEED, ROOM = (state_names().index(name) for name in ("speed", "room"))
+LATE, COMFORT_MPS2 = 0.4, 1.5
+"""Cost of an action after which the car must brake harder than this, for each m/s²."""
+SPEED, ROOM, BRAKING = (state_names().index(name) for name in ("speed", "room", "braking"))
 
 
 class Urged(Wrapper[Any, Any, Any, Any]):
-    """Standing without a reason costs `URGE`: noise sets no braked car in motion, so it learns nothing."""
+    """Standing without a reason costs `URGE`, and closing up too fast `LATE`.
+
+    Noise sets no braked car in motion, and makes no car stop: without these costs it learns neither.
+    """
 
     def step(self, action: Any) -> Any:
-        """One action, whose reward is less if the car stands though the road ahead is free."""
+        """One action, whose reward is less if the car stands before a free road or closes up too fast."""
         seen, reward, *rest = self.env.step(action)
-        own = seen["own"] if isinstance(seen, dict) else seen
-        speed_mps, room_m = 40.0 * own[SPEED], 20.0 * own[ROOM]
+        own = seen if not isinstance(seen, dict) else seen["own" if "own" in seen else "state"]
+        speed_mps, room_m, braking_mps2 = 40.0 * own[SPEED], 20.0 * own[ROOM], 8.0 * own[BRAKING]
         cost = URGE * max(0.0, 1.0 - abs(speed_mps) / ROLLING_MPS) if room_m > FREE_M else 0.0
-        return seen, float(reward) - cost, *rest
+        return seen, float(reward) - cost - LATE * max(0.0, braking_mps2 - COMFORT_MPS2), *rest

@@ -44,7 +44,7 @@ def _same(a: Any, b: Any) -> bool:
     return bool(np.array_equal(a, b)) and np.asarray(a).tobytes() == np.asarray(b).tobytes()
 
 
-@pytest.mark.parametrize("action", ["controls", "continuous", "discrete"])
+@pytest.mark.parametrize("action", ["controls", "continuous", "ackermann", "discrete"])
 def test_gymnasium_checks_pass_with_every_kind_of_action(action: str, straight_map: Path) -> None:
     env = CarlaLocEnv(map=straight_map, rig="state", action=action, traffic=FEW)
     with warnings.catch_warnings():
@@ -188,6 +188,7 @@ def test_observation_and_truth_agree(straight_map: Path) -> None:
         ("controls", [0, -0.1, 0, 0, 0]),
         ("controls", [0, 0, 0, 0, 7]),
         ("controls", [0, 0, 0]),
+        ("ackermann", [0.0, 1.5]),
         ("discrete", 45),
     ],
 )

@@ -13,7 +13,7 @@ from carlaloc_env.core.geometry.transforms import wrap_angle
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.envs.task.birds_eye_view import AHEAD_M, CHANNELS, PX_M, SIZE_PX
 from carlaloc_env.envs.task.neighbours import Ego, first_in_path
-from carlaloc_env.envs.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, state_names
+from carlaloc_env.envs.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, corner_speeds, state_names
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.traffic.signals import SignalState
 
@@ -152,11 +152,37 @@ def test_room_and_braking_are_those_of_uniform_deceleration(env: CarlaLocEnv) ->
                     time_s = 2.0 * max(distance_m, 0.5) / speed_mps
                     wanted.append(speed_mps / time_s)
             assert braking_mps2 == pytest.approx(min(max(wanted), 8.0), rel=2e-3, abs=1e-3)
+            limit_mps = told["speed_limit"] * 40.0
+            assert told["safe_speed"] == pytest.approx(_safe_share(told, limit_mps, stop), rel=2e-3, abs=2e-3)
             gaps, lines = gaps + (room_m == gap_m < SIGHT_M - 1.0), lines + (stop and room_m == line_m)
             if ended:
                 break
     assert gaps >= 10
     assert lines >= 10
+
+
+def _safe_share(told: dict[str, float], limit_mps: float, stop: bool) -> float:
+    """The highest of many speeds that uniform braking of 2.5 m/s² takes away a metre before what is ahead."""
+    v = np.linspace(0.0, limit_mps, 4000)
+    leader_mps = max(told["speed"] * 40.0 - told["gap_closing"] * 20.0, 0.0)
+    safe = np.maximum(v - leader_mps, 0.0) ** 2 / 5.0 <= max(told["gap"] * SIGHT_M - 1.0, 0.0)
+    if stop:
+        safe &= v**2 / 5.0 <= max(told["light_distance"] * SIGHT_M - 1.0, 0.0)
+    return float(v[safe].max()) / limit_mps
+
+
+def test_corner_speeds_are_those_of_a_car_that_brakes_in_time(env: CarlaLocEnv) -> None:
+    """Braking at 2.5 m/s² from the corner speed at any point, no later curve takes more than 2 m/s²."""
+    route = env.world.route
+    speeds, curvature = corner_speeds(route), np.abs(route.curvature_radpm)
+    number = len(speeds)
+    for first in range(0, number, 37):
+        ahead = np.arange(min(200, number))
+        rows = (first + ahead) % number if route.closed else np.minimum(first + ahead, number - 1)
+        left = np.maximum(speeds[first] ** 2 - 2.0 * 2.5 * route.step_m * ahead, 0.0)
+        taken = left * curvature[rows]
+        assert taken.max() <= 2.0 + 1e-6
+        assert taken.max() == pytest.approx(2.0, rel=0.01) or speeds[first] > 20.0
 
 
 def test_a_loop_begun_elsewhere_stays_whole(env: CarlaLocEnv) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -78,8 +79,12 @@ AHEAD = (
     Entry("gap_closing", 20.0, "m/s", "speed of the car less that one's speed along the route"),
     Entry("room", NEAR_M, "m", "the gap, or the distance to the next line if it is red or yellow and nearer"),
     Entry("braking", 8.0, "m/s²", "deceleration by which the car stops at that line and closes up to no one"),
+    Entry("safe_speed", 1.0, "", "share of the limit at which 2.5 m/s² of braking still does so, 1 m before"),
+    Entry("corner_speed", 1.0, "", "share of the limit at which no curve ahead takes more than 2 m/s²"),
 )
 """Of what lies ahead on the route."""
+BRAKING_MPS2, LATERAL_MPS2, MARGIN_M = 2.5, 2.0, 1.0
+"""Comfortable braking, and acceleration in curves, of `safe_speed` and `corner_speed`; gap when standing."""
 NEIGHBOUR = (
     Entry("forward", 50.0, "m", "centre, ahead of the car's centre"),
     Entry("left", 50.0, "m", "centre, to the left"),
@@ -122,6 +127,7 @@ class StateVector:
         self._distance_m = np.zeros(NEIGHBOURS)
         self._ahead_m = np.array(ROUTE_AHEAD_M)
         self._scale = _scales()
+        self._corner_mps = corner_speeds(world.route)
         self._speed_mps = self._speed_before_mps = world.state.speed_mps
 
     def follow(self) -> None:
@@ -200,9 +206,13 @@ class StateVector:
         lit = [float(shown == state) for state in (SignalState.RED, SignalState.YELLOW, SignalState.GREEN)]
         closing = ego.speed_mps - speed_mps
         room, braking = gap_m, _deceleration(closing, gap_m)
+        safe_mps = max(speed_mps, 0.0) + _stopping_speed(gap_m)
         if (lit[0] or lit[1]) and line_m > 0.0:
             room, braking = min(room, line_m), max(braking, _deceleration(ego.speed_mps, line_m))
-        return np.array([line_m, *lit, gap_m, closing, room, braking])
+            safe_mps = min(safe_mps, _stopping_speed(line_m))
+        row = route.row_at(s_m)
+        shares = np.array([safe_mps, self._corner_mps[row]]) / max(float(route.speed_limit_mps[row]), 1.0)
+        return np.array([line_m, *lit, gap_m, closing, room, braking, *shares])
 
     def _next_light(self, s_m: float) -> tuple[float, int]:
         lines, route = self._world.stop_lines, self._world.route
@@ -236,6 +246,24 @@ class StateVector:
 def _deceleration(closing_mps: float, distance_m: float) -> float:
     """Constant deceleration [m/s²] that takes a closing speed away within a distance: v² / (2 d)."""
     return max(closing_mps, 0.0) ** 2 / (2.0 * max(distance_m, _SHORTEST_M))
+
+
+def _stopping_speed(distance_m: float) -> float:
+    """Speed [m/s] from which `BRAKING_MPS2` stops `MARGIN_M` before a distance: √(2 a d)."""
+    return sqrt(2.0 * BRAKING_MPS2 * max(distance_m - MARGIN_M, 0.0))
+
+
+def corner_speeds(route: Route) -> Array:
+    """Speed [m/s] at each point of a route from which `BRAKING_MPS2` leads to `LATERAL_MPS2` in every curve.
+
+    With the squares of speeds u that the curves allow: the least u(t) + 2 a (t - s) over all t from s on.
+    """
+    allowed = LATERAL_MPS2 / np.maximum(np.abs(route.curvature_radpm), 1e-4)
+    laps = 2 if route.closed else 1
+    gained = 2.0 * BRAKING_MPS2 * route.step_m * np.arange(laps * len(allowed))
+    least = np.minimum.accumulate((np.tile(allowed, laps) + gained)[::-1])[::-1] - gained
+    speeds: Array = np.sqrt(least[: len(allowed)])
+    return speeds
 
 
 def _route_points(route: Route, s_m: float, ahead_m: Array, ego: Ego) -> Array:
