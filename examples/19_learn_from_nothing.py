@@ -26,13 +26,13 @@ KEPT = 20_000
 def main(
     out: Path, towns: Sequence[str] = ("Town01",), route: str = "town", steps: int = 1_000_000, seed: int = 0,
     workers: int = 1, begin_with: Path | None = None, without: Sequence[str] = (), scored: int = 50,
-    time_limit_s: float = 100.0, **parameters: float,
+    time_limit_s: float = 100.0, sees: str = "state", **parameters: float,
 ) -> float:  # fmt: skip
     """Learn for a number of actions, save the agent, and return its route completion in the first town."""
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
-    kind: dict[str, Any] = {name: name not in without for name in ("gentle", "apart")} | {"route": route}
-    kind["start"] = 0.0 if "starts" in without else "anywhere"
+    kind: dict[str, Any] = {name: name not in without for name in ("ackermann", "apart")}
+    kind |= {"route": route, "sees": sees, "start": 0.0 if "starts" in without else "anywhere"}
     task = {"time_limit_s": time_limit_s, **({} if "mild" in without else MILD)}
     drives = partial(logged, towns=towns, urge="urge" not in without, task=task, **kind)
     makers = [partial(drives, out / f"rides_{n}") for n in range(workers)]
@@ -51,12 +51,11 @@ def main(
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(argument_default=argparse.SUPPRESS)
     parser.add_argument("out", type=Path)
-    for name in ("steps", "seed", "workers", "scored", "n_steps", "n_epochs"):
-        parser.add_argument(f"--{name}", type=int)
-    for name in ("learning_rate", "gamma", "ent_coef"):
-        parser.add_argument(f"--{name}", type=float)
+    for number in ("steps", "seed", "workers", "scored"):
+        parser.add_argument(f"--{number}", type=int)
     parser.add_argument("--begin-with", type=Path)
     parser.add_argument("--route")
+    parser.add_argument("--sees", choices=("state", "bev", "nothing"))
     parser.add_argument("--towns", nargs="+")
-    parser.add_argument("--without", nargs="+", choices=("starts", "gentle", "apart", "mild", "urge"))
+    parser.add_argument("--without", nargs="+", choices=("starts", "ackermann", "apart", "mild", "urge"))
     main(**vars(parser.parse_args()))

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
+from learning.eyes import Eyes
 from learning.others import OwnAndOthers
 
 PARAMETERS = {"n_steps": 1024, "batch_size": 128, "n_epochs": 10, "learning_rate": 1e-3, "gamma": 0.99}
 """Parameters of PPO; all others are the library's defaults."""
+LOOKING = {**PARAMETERS, "n_epochs": 5, "learning_rate": 5e-4}
+"""The same for an agent that sees pictures."""
 POLICY = {"log_std_init": -1.2, "net_arch": {"pi": [], "vf": [64, 64]}}
 """Actions are a linear function of the inputs, and spread by e to the power -1.2 at first, not by 1."""
 
@@ -25,8 +28,9 @@ def new_agent(env: VecEnv, seed: int = 0, **parameters: Any) -> PPO:
     if not isinstance(env.observation_space, Dict):
         return PPO("MlpPolicy", env, seed=seed, device="cpu", **parameters)
     seen = VecNormalize(env, norm_obs_keys=["own"], norm_reward=False, clip_obs=5.0)
-    kind = {**POLICY, "features_extractor_class": OwnAndOthers}
-    settings = {**PARAMETERS, **parameters}
+    looks = "picture" in env.observation_space.spaces
+    kind = {**POLICY, "features_extractor_class": Eyes if looks else OwnAndOthers}
+    settings = {**(LOOKING if looks else PARAMETERS), **parameters}
     return PPO("MultiInputPolicy", seen, policy_kwargs=kind, seed=seed, device="cpu", **settings)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from stable_baselines3.common.monitor import Monitor
 
 from carlaloc_env.envs.any_town_env import AnyTownEnv
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from learning.eyes import with_eyes
 from learning.others import cut_apart
 from learning.urged import Urged
 
@@ -23,28 +24,37 @@ MILD = {"collision": 20.0, "off_road": 10.0, "red_light": 30.0}
 
 
 def drive_env(
-    towns: Sequence[str], *, route: str = "town", gentle: bool = True, apart: bool = True, **settings: Any
-) -> Any:
+    towns: Sequence[str], *, route: str = "town", sees: str = "state", ackermann: bool = True,
+    apart: bool = True, bare: Callable[[Any], Any] = lambda env: env, **settings: Any,
+) -> Any:  # fmt: skip
     """Drives among traffic at noon, in a town or in one of several.
 
     Args:
         towns: The towns.
         route: `town` or `random`.
-        gentle: Actions of the kind `ackermann`, in place of wheel and pedals.
+        sees: `state`, the vector; `bev`, the picture from above; `nothing`, that picture in black.
+        ackermann: Actions of this kind, in place of wheel and pedals.
         apart: Observe the car and its road as `own`, and the others apart from it as `others`.
+        bare: A wrapper of the environment as it is before its observations are cut.
         settings: Further arguments of `CarlaLocEnv`.
     """
-    settings = {"rig": "state", "frame_skip": SKIP, "action": ("continuous", "ackermann")[gentle], **settings}
+    rig, action = "state" if sees == "state" else "bev", "ackermann" if ackermann else "continuous"
+    settings = {"rig": rig, "action": action, "frame_skip": SKIP, **settings}
     if len(towns) == 1:
-        env: Any = CarlaLocEnv(map=towns[0], route=route, **settings)
+        env: Any = bare(CarlaLocEnv(map=towns[0], route=route, **settings))
     else:
         drawn: dict[str, Any] = {"traffic": ("dynamic",), "weathers": ("ClearNoon",), "routes": (route,)}
-        env = AnyTownEnv(towns, kept_towns=len(towns), **drawn, **settings)
+        env = bare(AnyTownEnv(towns, kept_towns=len(towns), **drawn, **settings))
+    if sees != "state":
+        return with_eyes(env, blind=sees == "nothing")
     return cut_apart(env) if apart else env
 
 
 def logged(file: Path, towns: Sequence[str], *, urge: bool = True, **kind: Any) -> Any:
     """The same with a log of rides, `<file>.monitor.csv`, and with rewards times `REWARD`, `Urged` or not."""
-    env: Any = Monitor(drive_env(towns, **kind), str(file), info_keywords=("route_completion", "ended_by"))
-    return TransformReward(Urged(env) if urge else env, lambda reward: REWARD * float(reward))
 
+    def bare(env: Any) -> Any:
+        env = Monitor(env, str(file), info_keywords=("route_completion", "ended_by"))
+        return TransformReward(Urged(env) if urge else env, lambda reward: REWARD * float(reward))
+
+    return drive_env(towns, bare=bare, **kind)

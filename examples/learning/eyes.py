@@ -1,4 +1,4 @@
-"""The picture from above as example 22 sees it, and a small network of convolutions for it."""
+"""The picture from above as example 19 sees it with `--sees bev`, and a small network for it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Eyes(BaseFeaturesExtractor):  # type: ignore[misc]
 
 
 def with_eyes(env: Any, blind: bool) -> Any:
-    """An environment of the rig `bev` that shows `picture` and `own`; to the blind, every picture is black."""
+    """An environment of the rig `bev` that shows `picture` and `own`; to the blind, pictures are black."""
     shape = (len(SHOWN), SIZE, SIZE)
     space = {"own": Box(-1.0, 1.0, (len(OWN),)), "picture": Box(0, 255, shape, np.uint8)}
 

@@ -33,16 +33,15 @@ class OwnAndOthers(BaseFeaturesExtractor):  # type: ignore[misc]
         return torch.cat([own, self.itself(own), others], dim=-1)
 
 
-def cut_apart(env: Any) -> Any:
-    """The environment with its vector cut into `own`, and `others`, one row each."""
+def apart(seen: Any) -> dict[str, Any]:
+    """The vector cut into `own`, and `others`, one row each."""
     width = len(NEIGHBOUR)
-    own = env.observation_space.shape[0] - NEIGHBOURS * width
-    parts: dict[str, Space[Any]] = {
-        "own": Box(-1.0, 1.0, (own,)),
-        "others": Box(-1.0, 1.0, (NEIGHBOURS, width)),
-    }
+    own = len(seen) - NEIGHBOURS * width
+    return {"own": seen[:own], "others": seen[own:].reshape(NEIGHBOURS, width)}
 
-    def cut(seen: Any) -> dict[str, Any]:
-        return {"own": seen[:own], "others": seen[own:].reshape(NEIGHBOURS, width)}
 
-    return TransformObservation(env, cut, Dict(parts))
+def cut_apart(env: Any) -> Any:
+    """The environment with its vector cut `apart`."""
+    parts = apart(env.observation_space.sample())
+    space: dict[str, Space[Any]] = {name: Box(-1.0, 1.0, part.shape) for name, part in parts.items()}
+    return TransformObservation(env, apart, Dict(space))

@@ -24,7 +24,7 @@ class Urged(Wrapper[Any, Any, Any, Any]):
     def step(self, action: Any) -> Any:
         """One action, whose reward is less if the car stands before a free road or closes up too fast."""
         seen, reward, *rest = self.env.step(action)
-        own = seen if not isinstance(seen, dict) else seen["own" if "own" in seen else "state"]
-        speed_mps, room_m, braking_mps2 = 40.0 * own[SPEED], 20.0 * own[ROOM], 8.0 * own[BRAKING]
+        state = seen["state"] if isinstance(seen, dict) else seen
+        speed_mps, room_m, braking_mps2 = 40.0 * state[SPEED], 20.0 * state[ROOM], 8.0 * state[BRAKING]
         cost = URGE * max(0.0, 1.0 - abs(speed_mps) / ROLLING_MPS) if room_m > FREE_M else 0.0
         return seen, float(reward) - cost - LATE * max(0.0, braking_mps2 - COMFORT_MPS2), *rest

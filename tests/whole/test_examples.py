@@ -234,24 +234,6 @@ def test_a_clone_learns_from_a_data_set(tmp_path: Path, monkeypatch: pytest.Monk
     assert np.all(wrong.mean(axis=0) < 0.5 * drive.actions.std(axis=0))
 
 
-def test_a_pupil_goes_on_by_ppo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It begins as the pupil, to the bit, and its network changes by what it earns."""
-    pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
-    monkeypatch.syspath_prepend(EXAMPLES)
-    example, copy, out = load("13_improve_by_ppo"), tmp_path / "copy.pt", tmp_path / "out.pt"
-    before = example.Pupil()
-    before.save(copy)
-    env = example.make_env(5.0)
-    seen = env.reset(seed=1)[0]
-    told = example.ppo_of(before, env).predict(seen, deterministic=True)[0]
-    np.testing.assert_allclose(told, before(seen), atol=1e-6)
-    env.close()
-    found = example.main(copy, out, steps=64, scored=1, time_limit_s=5.0, rollout=64)
-    assert len(found) == 2
-    after = example.Pupil.load(out)
-    assert not np.array_equal(before(seen), after(seen))
-
-
 def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> None:
     """Half a minute among traffic of an unseen seed brings it a good way along the route, without a touch."""
     pytest.importorskip("torch", reason="learning needs the extra `learn`")
@@ -298,7 +280,7 @@ def test_a_plain_vector_gets_the_library_s_defaults(
     monkeypatch.syspath_prepend(EXAMPLES)
     load("19_learn_from_nothing").main(
         tmp_path,
-        without=("starts", "gentle", "apart", "mild"),
+        without=("starts", "ackermann", "apart", "mild"),
         steps=32,
         n_steps=32,
         time_limit_s=4.0,

@@ -29,6 +29,10 @@ class Motion(NamedTuple):
     """Speed limit here [m/s]."""
 
 
+AT_REST = Motion()
+"""A standing car."""
+
+
 def controls_towards(steer: float, speed: float, motion: Motion, p: VehicleParams) -> Controls:
     """Controls that lead to a curvature and a speed.
 
@@ -53,5 +57,7 @@ def controls_towards(steer: float, speed: float, motion: Motion, p: VehicleParam
     if wanted_mps < _CREEP_MPS and v < _CREEP_MPS:
         throttle, brake = 0.0, _HELD
     return Controls(
-        steer=max(-1.0, min(wheel, 1.0)), throttle=min(max(throttle, 0.0), 1.0), brake=min(max(brake, 0.0), 1.0)
+        steer=max(-1.0, min(wheel, 1.0)),
+        throttle=min(max(throttle, 0.0), 1.0),
+        brake=min(max(brake, 0.0), 1.0),
     )

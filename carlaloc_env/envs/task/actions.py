@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
-from carlaloc_env.envs.task.ackermann import Motion, controls_towards
+from carlaloc_env.envs.task.ackermann import AT_REST, Motion, controls_towards
 from carlaloc_env.physics.params import VehicleParams
 
 STEERS = (-0.6, -0.3, -0.12, -0.04, 0.0, 0.04, 0.12, 0.3, 0.6)
@@ -46,7 +46,7 @@ def action_kind(name: str) -> ActionKind:
     return ACTIONS[name]()
 
 
-def controls_of(action: ArrayLike, _: Motion = Motion()) -> Controls:
+def controls_of(action: ArrayLike, _: Motion = AT_REST) -> Controls:
     """Controls of an action vector (5,): steer, throttle, brake, reverse, handbrake.
 
     Raises:
@@ -59,7 +59,7 @@ def controls_of(action: ArrayLike, _: Motion = Motion()) -> Controls:
     )
 
 
-def steer_and_pedal(action: ArrayLike, _: Motion = Motion()) -> Controls:
+def steer_and_pedal(action: ArrayLike, _: Motion = AT_REST) -> Controls:
     """Controls of an action vector (2,): steer, and throttle above 0 or brake below.
 
     Raises:
@@ -79,7 +79,7 @@ def steer_and_speed(action: ArrayLike, motion: Motion) -> Controls:
     return controls_towards(steer, speed, motion, _CAR)
 
 
-def chosen(action: Any, _: Motion = Motion()) -> Controls:
+def chosen(action: Any, _: Motion = AT_REST) -> Controls:
     """Controls of a discrete action: a number that counts pedals first, then steering.
 
     Raises:
