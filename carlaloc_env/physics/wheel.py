@@ -7,7 +7,7 @@ advance semi-implicitly at 200 Hz: positions with the newest speeds, forces from
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
@@ -32,21 +32,6 @@ BodyMotion = tuple[
 ]  # fmt: skip
 """Motion of the body: position of the centre of mass [m] in the world, rotation body → world row by
 row, velocity [m/s] and rate [rad/s] in body axes."""
-
-
-class Drive(NamedTuple):
-    """What motor, brakes and steering do to the wheels."""
-
-    steer_rad: float
-    """Angle of the front wheels of the single-track model, left positive [rad]."""
-    motor_n: float
-    """Force of the motor at the rear wheels [N]."""
-    brake_n: float
-    """Force that the brakes of all wheels ask for together [N]."""
-    handbrake_nm: float
-    """Handbrake torque on each rear wheel [N m]."""
-    mu: float
-    """Factor on the friction, 1 = dry asphalt."""
 
 
 @compiled
@@ -87,7 +72,7 @@ def advance_wheels(
     motion: BodyMotion,
     ground: GroundTable,
     rough: RoughTable,
-    drive: Drive,
+    drive: Any,
     hits: Array,
     push: Array,
 ) -> None:
@@ -99,7 +84,7 @@ def advance_wheels(
         motion: Motion of the body now.
         ground: The town's mesh.
         rough: What lies on the roads beyond the town's mesh.
-        drive: Motor, brakes and steering.
+        drive: Motor, brakes and steering, a record of `DRIVE`.
         hits: Room for what is found under the wheels, shape (4, 3, 5).
         push: Force [N] and torque [N m] on the body, body axes, to which that of the wheels is added, (6,).
     """
@@ -265,10 +250,3 @@ def _spring(wheel: Any, car: Any, motion: BodyMotion, steer_rad: float, anti_rol
     wheel.speed_z += TICK_S * (
         (force_z - spring) / wheel.unsprung_kg - GRAVITY_MPS2 * r33 + ux * wy - uy * wx
     )
-
-
-def wet_at_speed(mu_factor: float, speed_mps: float) -> float:
-    """Friction factor at a speed [m/s]: 0.75 in the wet falls to 0.6 at 100 km/h, dry stays dry."""
-    if mu_factor >= 1.0:
-        return mu_factor
-    return mu_factor * (1.0 - 0.8 * (1.0 - mu_factor) * min(1.0, abs(speed_mps) / 27.8))
