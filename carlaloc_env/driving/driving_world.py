@@ -114,7 +114,7 @@ class DrivingWorld:
         self._step = 0
         self._contacts: list[Contact] = []
         self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
-        self._append_tick(_PARKED)
+        self._ego.follow(self.timeline.ego, self.timeline.car, _PARKED)
         self._notify_tick(_PARKED)
         self._add_step(first)
         self._add_step(self._traffic.step(self._ego_view()))
@@ -163,7 +163,7 @@ class DrivingWorld:
         self._tick += 1
         self._state = None
         self._speeds.append(self._ego.speed_mps)
-        self._append_tick(controls)
+        self._ego.follow(self.timeline.ego, self.timeline.car, controls)
         self._notify_tick(controls)
         contacts = self._physics.contacts()
         if self._listener is not None:
@@ -217,11 +217,6 @@ class DrivingWorld:
         if self._listener is not None:
             self._listener.on_step(self._step, frame, signals)
         self._step += 1
-
-    def _append_tick(self, controls: Controls) -> None:
-        ego, timeline = self._ego, self.timeline
-        timeline.ego.append(ego.position_m, ego.quat_xyzw)
-        timeline.car.append(ego.wheel_spin_radps, ego.road_wheel_rad, controls)
 
     def _notify_tick(self, controls: Controls) -> None:
         if self._listener is not None:

@@ -9,7 +9,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.elementary_kernels import arctan2
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.physics.ground_heights import GroundTable
-from carlaloc_env.physics.powertrain import advance_drive
+from carlaloc_env.physics.powertrain import Pedals, advance_drive
 from carlaloc_env.physics.wheel import BodyMotion, advance_wheels
 from carlaloc_env.physics.wheel_table import Car, DriveTable, Wheels
 from carlaloc_env.road.road_profile import RoughTable
@@ -37,63 +37,45 @@ class CarTables(NamedTuple):
     """Room for force and torque on the body, shape (6,)."""
 
 
-class RoadTables(NamedTuple):
-    """The road for compiled functions."""
+class BaseMotion(NamedTuple):
+    """Motion of `base_link`, named as in `EgoState`."""
 
-    ground: GroundTable
-    """The town's mesh."""
-    rough: RoughTable
-    """What lies on the roads beyond it."""
-
-
-class BodyState(NamedTuple):
-    """Arrays that receive the state of `base_link`, named as in `EgoState`."""
-
-    position_m: Array
-    """World [m], shape (3,)."""
-    velocity_world_mps: Array
-    """World axes [m/s], shape (3,)."""
-    omega_body_radps: Array
-    """Body axes [rad/s], shape (3,)."""
-    heading_rad: Array
-    """Anticlockwise from east [rad], shape (1,)."""
+    position_m: Vector3
+    velocity_world_mps: Vector3
+    omega_body_radps: Vector3
+    speed_mps: float
+    heading_rad: float
 
 
 @compiled
 def push_car(
     tables: CarTables,
-    road: RoadTables,
+    ground: GroundTable,
+    rough: RoughTable,
     pose: Pose,
     twist: Twist,
-    steer: float,
-    throttle: float,
-    brake: float,
-    reverse: bool,
-    handbrake: bool,
+    pedals: Pedals,
     friction: float,
 ) -> tuple[Vector3, Vector3]:
     """Advance drive and wheels by a tick; force [N] and torque [N m] on the body in world axes.
 
     Args:
         tables: The car, written to.
-        road: The road.
+        ground: The town's mesh.
+        rough: What lies on the roads beyond it.
         pose: Pose of the body now.
         twist: Its speeds now.
-        steer: Steering −1…1; this and what follows as in `Controls`.
-        throttle: Throttle pedal 0–1.
-        brake: Brake pedal 0–1.
-        reverse: Whether the reverse gear is engaged.
-        handbrake: Whether the handbrake is pulled.
+        pedals: What the driver does.
         friction: Factor on the tyre friction, 1 = dry asphalt.
     """
     car, drive, push = tables.car[0], tables.drive[0], tables.push
     motion = _motion(pose, twist)
     _, _, _, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, _, _, _ = motion
-    advance_drive(drive, car, steer, throttle, brake, reverse, handbrake, friction, vx)
+    advance_drive(drive, car, pedals, friction, vx)
     drag = 0.5 * car.air_kgpm3 * car.drag_area_m2 * sqrt(vx * vx + vy * vy + vz * vz)
     push[:] = 0.0
     push[0], push[1] = -drag * vx, -drag * vy
-    advance_wheels(tables.wheels, tables.car, motion, road.ground, road.rough, drive, tables.hits, push)
+    advance_wheels(tables.wheels, tables.car, motion, ground, rough, drive, tables.hits, push)
     fx, fy, fz, tx, ty, tz = push[0], push[1], push[2], push[3], push[4], push[5]
     # PyBullet's body has the whole mass; the springs carry the sprung part of it.
     fz *= car.mass_kg / car.sprung_kg
@@ -111,21 +93,22 @@ def push_car(
 
 
 @compiled
-def put_state(car_table: Car, pose: Pose, twist: Twist, out: BodyState) -> float:
-    """Write the state of `base_link` and return its forward speed [m/s]."""
+def base_motion(car: Car, pose: Pose, twist: Twist) -> BaseMotion:
+    """Motion of `base_link` from that of the centre of mass."""
     px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, wx, wy, wz = _motion(pose, twist)
-    ox, oy, oz = -car_table[0].cog_x_m, 0.0, -car_table[0].cog_z_m
+    ox, oy, oz = -car[0].cog_x_m, 0.0, -car[0].cog_z_m
     bx, by, bz = vx + wy * oz - wz * oy, vy + wz * ox - wx * oz, vz + wx * oy - wy * ox
-    position, velocity, omega = out.position_m, out.velocity_world_mps, out.omega_body_radps
-    position[0] = px + r11 * ox + r12 * oy + r13 * oz
-    position[1] = py + r21 * ox + r22 * oy + r23 * oz
-    position[2] = pz + r31 * ox + r32 * oy + r33 * oz
-    velocity[0] = r11 * bx + r12 * by + r13 * bz
-    velocity[1] = r21 * bx + r22 * by + r23 * bz
-    velocity[2] = r31 * bx + r32 * by + r33 * bz
-    omega[0], omega[1], omega[2] = wx, wy, wz
-    out.heading_rad[0] = arctan2(r21, r11)
-    return float(bx)
+    position = (
+        px + r11 * ox + r12 * oy + r13 * oz,
+        py + r21 * ox + r22 * oy + r23 * oz,
+        pz + r31 * ox + r32 * oy + r33 * oz,
+    )
+    velocity = (
+        r11 * bx + r12 * by + r13 * bz,
+        r21 * bx + r22 * by + r23 * bz,
+        r31 * bx + r32 * by + r33 * bz,
+    )
+    return BaseMotion(position, velocity, (wx, wy, wz), bx, arctan2(r21, r11))
 
 
 @compiled

@@ -14,7 +14,7 @@ from carlaloc_env.core.direct_calls import same_types
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry import transforms
-from carlaloc_env.physics.car_body import BodyState, CarTables, Pose, RoadTables, Twist, push_car, put_state
+from carlaloc_env.physics.car_body import CarTables, Pose, Twist, base_motion, push_car
 from carlaloc_env.physics.ground_heights import highest_below
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.quiet_import import pybullet
@@ -22,6 +22,8 @@ from carlaloc_env.physics.wheel import PLACES
 from carlaloc_env.physics.wheel_table import DRIVE, car_record, settle, wheel_table
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road.road_profile import no_roughness
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.vehicle_track import CarTrack
 
 _SETTLE_TICKS = 400
 """Ticks after which the car rests on its springs."""
@@ -71,16 +73,15 @@ class EgoCar:
         self._world = world
         self._params = p = params if params is not None else VehicleParams()
         self._offset = (-p.cog_x_m, 0.0, -p.cog_z_m)
-        rough = no_roughness() if world.roughness is None else world.roughness.table
-        self._road = RoadTables(world.ground, rough)
+        self._rough = no_roughness() if world.roughness is None else world.roughness.table
         self._wheels, drive = wheel_table(p), np.zeros(1, DRIVE)
         self._tables = CarTables(car_record(p), self._wheels, drive, np.zeros((4, PLACES, 5)), np.zeros(6))
-        self._now = BodyState(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(1))
         self._body = -1
         self._pose: Pose = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         self._twist: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        self._speed_mps = self._speed_before_mps = 0.0
-        self._push, self._put = same_types(push_car), same_types(put_state)
+        self._push, self._base_motion = same_types(push_car), same_types(base_motion)
+        self._base = base_motion(self._tables.car, self._pose, self._twist)
+        self._speed_before_mps = 0.0
 
     @property
     def params(self) -> VehicleParams:
@@ -117,10 +118,16 @@ class EgoCar:
             ActionError: a control is not finite or out of range; nothing has moved then.
         """
         c, client = controls.checked(), self._world.client
+        pedals = (float(c.steer), float(c.throttle), float(c.brake), bool(c.reverse), bool(c.handbrake))
         force, torque = self._push(
-            self._tables, self._road, self._pose, self._twist,
-            c.steer, c.throttle, c.brake, c.reverse, c.handbrake, self._world.friction,
-        )  # fmt: skip
+            self._tables,
+            self._world.ground,
+            self._rough,
+            self._pose,
+            self._twist,
+            pedals,
+            self._world.friction,
+        )
         pybullet.applyExternalForce(
             self._body, -1, force, self._pose[0], pybullet.WORLD_FRAME, physicsClientId=client
         )
@@ -129,44 +136,28 @@ class EgoCar:
         self._read()
 
     @property
-    def position_m(self) -> Array:
-        """Position of `base_link` [m], world (3,); the next tick writes it anew."""
-        return self._now.position_m
-
-    @property
-    def quat_xyzw(self) -> tuple[float, float, float, float]:
-        """Attitude, maps body to world."""
-        return self._pose[1]
-
-    @property
     def speed_mps(self) -> float:
         """Forward speed of `base_link` [m/s]."""
-        return self._speed_mps
+        return self._base.speed_mps
 
-    @property
-    def wheel_spin_radps(self) -> tuple[float, float, float, float]:
-        """Spin of the wheels [rad/s], as in `EgoState`."""
-        front_left, front_right, rear_left, rear_right = self._wheels["spin_radps"].tolist()
-        return front_left, front_right, rear_left, rear_right
-
-    @property
-    def road_wheel_rad(self) -> float:
-        """Mean angle of the front wheels [rad]."""
-        return float(self._tables.drive["steer_rad"][0])
+    def follow(self, ego: EgoTrack, car: CarTrack, controls: Controls) -> None:
+        """Append the state after the last tick, and the controls that led there, to its tracks."""
+        ego.append(self._base.position_m, self._pose[1])
+        car.append(self._wheels["spin_radps"].tolist(), self._tables.drive["steer_rad"].item(), controls)
 
     def state(self) -> EgoState:
         """State after the last tick."""
-        now, wheels = self._now, self._wheels
+        base, wheels = self._base, self._wheels
         return EgoState(
-            position_m=now.position_m.copy(),
+            position_m=np.array(base.position_m),
             quat_xyzw=np.array(self._pose[1]),
-            velocity_world_mps=now.velocity_world_mps.copy(),
-            omega_body_radps=now.omega_body_radps.copy(),
-            speed_mps=self._speed_mps,
-            acceleration_mps2=(self._speed_mps - self._speed_before_mps) / TICK_S,
-            heading_rad=now.heading_rad.item(),
-            road_wheel_rad=self.road_wheel_rad,
-            wheel_spin_radps=self.wheel_spin_radps,
+            velocity_world_mps=np.array(base.velocity_world_mps),
+            omega_body_radps=np.array(base.omega_body_radps),
+            speed_mps=base.speed_mps,
+            acceleration_mps2=(base.speed_mps - self._speed_before_mps) / TICK_S,
+            heading_rad=base.heading_rad,
+            road_wheel_rad=self._tables.drive["steer_rad"].item(),
+            wheel_spin_radps=tuple(wheels["spin_radps"].tolist()),
             wheel_travel_m=tuple(wheels["travel_m"].tolist()),
             wheel_load_n=tuple(wheels["load_n"].tolist()),
         )
@@ -175,8 +166,8 @@ class EgoCar:
         client = self._world.client
         self._pose = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=client)
         self._twist = pybullet.getBaseVelocity(self._body, physicsClientId=client)
-        self._speed_before_mps = self._speed_mps
-        self._speed_mps = self._put(self._tables.car, self._pose, self._twist, self._now)
+        self._speed_before_mps = self._base.speed_mps
+        self._base = self._base_motion(self._tables.car, self._pose, self._twist)
 
     def _renew_body(self, com_m: Array, quat_xyzw: Array) -> None:
         p = self._params

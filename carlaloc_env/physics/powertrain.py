@@ -7,6 +7,9 @@ from typing import Any
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.jit import compiled
 
+Pedals = tuple[float, float, float, bool, bool]
+"""Steering, throttle, brake, reverse and handbrake, as in `Controls`."""
+
 
 def motor_force_n(params: Any, throttle: float, speed_mps: float, reverse: bool = False) -> float:
     """Steady motor force at the wheels [N] for a pedal position 0–1 and a forward speed [m/s].
@@ -39,11 +42,7 @@ _motor_force_n = compiled(motor_force_n)
 def advance_drive(
     drive: Any,
     car: Any,
-    steer: float,
-    throttle: float,
-    brake: float,
-    reverse: bool,
-    handbrake: bool,
+    pedals: Pedals,
     friction: float,
     speed_mps: float,
 ) -> None:
@@ -52,14 +51,11 @@ def advance_drive(
     Args:
         drive: Record of `DRIVE`.
         car: Record of `CAR`.
-        steer: Steering −1…1, as in `Controls`.
-        throttle: Throttle pedal 0–1.
-        brake: Brake pedal 0–1.
-        reverse: Whether the reverse gear is engaged.
-        handbrake: Whether the handbrake is pulled.
+        pedals: What the driver does.
         friction: Factor on the friction of the standing car, 1 = dry asphalt.
         speed_mps: Forward speed [m/s].
     """
+    steer, throttle, brake, reverse, handbrake = pedals
     most = car.wheel_rate_radps / car.steering_ratio * TICK_S
     drive.steer_rad += max(-most, min(most, steer * car.steer_max_rad - drive.steer_rad))
     wanted = _motor_force_n(car, throttle, speed_mps, reverse)
