@@ -5,13 +5,12 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
-from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.elementary_kernels import arctan2
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.physics.ground_heights import GroundTable
 from carlaloc_env.physics.powertrain import Pedals, advance_drive
 from carlaloc_env.physics.wheel import BodyMotion, advance_wheels
-from carlaloc_env.physics.wheel_table import Car, DriveTable, Wheels
+from carlaloc_env.physics.wheel_table import Car, CarTables
 from carlaloc_env.road.road_profile import RoughTable
 
 Vector3 = tuple[float, float, float]
@@ -20,21 +19,6 @@ Pose = tuple[Vector3, tuple[float, float, float, float]]
 """Centre of mass [m] and attitude (x, y, z, w), maps body to world; as PyBullet gives them."""
 Twist = tuple[Vector3, Vector3]
 """Velocity of the centre of mass [m/s] and rate [rad/s], both in world axes; as PyBullet gives them."""
-
-
-class CarTables(NamedTuple):
-    """The car for compiled functions."""
-
-    car: Car
-    """Its numbers."""
-    wheels: Wheels
-    """Its wheels."""
-    drive: DriveTable
-    """Steering, motor and brakes."""
-    hits: Array
-    """Room for what is found under the wheels, shape (4, PLACES, 5)."""
-    push: Array
-    """Room for force and torque on the body, shape (6,)."""
 
 
 class BaseMotion(NamedTuple):
@@ -75,7 +59,7 @@ def push_car(
     drag = 0.5 * car.air_kgpm3 * car.drag_area_m2 * sqrt(vx * vx + vy * vy + vz * vz)
     push[:] = 0.0
     push[0], push[1] = -drag * vx, -drag * vy
-    advance_wheels(tables.wheels, tables.car, motion, ground, rough, drive, tables.hits, push)
+    advance_wheels(tables, motion, ground, rough)
     fx, fy, fz, tx, ty, tz = push[0], push[1], push[2], push[3], push[4], push[5]
     # PyBullet's body has the whole mass; the springs carry the sprung part of it.
     fz *= car.mass_kg / car.sprung_kg

@@ -14,12 +14,11 @@ from carlaloc_env.core.direct_calls import same_types
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry import transforms
-from carlaloc_env.physics.car_body import CarTables, Pose, Twist, base_motion, push_car
+from carlaloc_env.physics.car_body import Pose, Twist, base_motion, push_car
 from carlaloc_env.physics.ground_heights import highest_below
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.quiet_import import pybullet
-from carlaloc_env.physics.wheel import PLACES
-from carlaloc_env.physics.wheel_table import DRIVE, car_record, settle, wheel_table
+from carlaloc_env.physics.wheel_table import car_tables, settle
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road.road_profile import no_roughness
 from carlaloc_env.timeline.ego_spline import EgoTrack
@@ -73,9 +72,10 @@ class EgoCar:
         self._world = world
         self._params = p = params if params is not None else VehicleParams()
         self._offset = (-p.cog_x_m, 0.0, -p.cog_z_m)
-        self._rough = no_roughness() if world.roughness is None else world.roughness.table
-        self._wheels, drive = wheel_table(p), np.zeros(1, DRIVE)
-        self._tables = CarTables(car_record(p), self._wheels, drive, np.zeros((4, PLACES, 5)), np.zeros(6))
+        rough = no_roughness() if world.roughness is None else world.roughness.table
+        self._tables = car_tables(p)
+        self._wheels, self._drive = self._tables.wheels, self._tables.drive
+        self._fixed = (self._tables, world.ground, rough)
         self._body = -1
         self._pose: Pose = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         self._twist: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -103,7 +103,7 @@ class EgoCar:
         base, quat = self._place_on_road(wanted, float(heading_rad))
         com = base + transforms.quat_rotate(quat, [-o for o in self._offset])
         self._renew_body(com, quat)
-        self._tables.drive[:] = 0.0
+        self._drive[:] = 0.0
         settle(self._wheels)
         self._read()
         for _ in range(_SETTLE_TICKS):
@@ -119,15 +119,7 @@ class EgoCar:
         """
         c, client = controls.checked(), self._world.client
         pedals = (float(c.steer), float(c.throttle), float(c.brake), bool(c.reverse), bool(c.handbrake))
-        force, torque = self._push(
-            self._tables,
-            self._world.ground,
-            self._rough,
-            self._pose,
-            self._twist,
-            pedals,
-            self._world.friction,
-        )
+        force, torque = self._push(*self._fixed, self._pose, self._twist, pedals, self._world.friction)
         pybullet.applyExternalForce(
             self._body, -1, force, self._pose[0], pybullet.WORLD_FRAME, physicsClientId=client
         )
@@ -143,7 +135,7 @@ class EgoCar:
     def follow(self, ego: EgoTrack, car: CarTrack, controls: Controls) -> None:
         """Append the state after the last tick, and the controls that led there, to its tracks."""
         ego.append(self._base.position_m, self._pose[1])
-        car.append(self._wheels["spin_radps"].tolist(), self._tables.drive["steer_rad"].item(), controls)
+        car.append(self._wheels["spin_radps"].tolist(), self._drive["steer_rad"].item(), controls)
 
     def state(self) -> EgoState:
         """State after the last tick."""
@@ -156,7 +148,7 @@ class EgoCar:
             speed_mps=base.speed_mps,
             acceleration_mps2=(base.speed_mps - self._speed_before_mps) / TICK_S,
             heading_rad=base.heading_rad,
-            road_wheel_rad=self._tables.drive["steer_rad"].item(),
+            road_wheel_rad=self._drive["steer_rad"].item(),
             wheel_spin_radps=tuple(wheels["spin_radps"].tolist()),
             wheel_travel_m=tuple(wheels["travel_m"].tolist()),
             wheel_load_n=tuple(wheels["load_n"].tolist()),

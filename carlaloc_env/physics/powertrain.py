@@ -17,11 +17,7 @@ def motor_force_n(params: Any, throttle: float, speed_mps: float, reverse: bool 
     Released pedals regenerate: the motor force runs from full drive to full regeneration over the
     throttle's travel, so a steady speed needs about a quarter of it, as in electric cars.
 
-    Args:
-        params: `VehicleParams`, or a record of `CAR`.
-        throttle: Throttle pedal 0–1.
-        speed_mps: Forward speed [m/s].
-        reverse: Whether the reverse gear is engaged.
+    `params` are `VehicleParams`, or a record of `CAR`.
     """
     p = params
     along = -speed_mps if reverse else speed_mps

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.physics.params import VehicleParams
 
@@ -47,11 +48,33 @@ Wheels = NDArray[Any]
 """Four records of `WHEEL`: front left, front right, rear left, rear right."""
 Car = NDArray[Any]
 """One record of `CAR`, shape (1,)."""
-DriveTable = NDArray[Any]
-"""One record of `DRIVE`, shape (1,)."""
+PLACES = 3
+"""Places below a wheel at which the road is looked for: rear, centre, front."""
 
 
-def wheel_table(p: VehicleParams) -> Wheels:
+class CarTables(NamedTuple):
+    """The car for compiled functions."""
+
+    car: Car
+    """Its numbers."""
+    wheels: Wheels
+    """Its wheels."""
+    drive: NDArray[Any]
+    """One record of `DRIVE`, shape (1,)."""
+    hits: Array
+    """Room for what is found under the wheels, shape (4, PLACES, 5)."""
+    push: Array
+    """Force [N] and torque [N m] on the body, body axes, shape (6,)."""
+
+
+def car_tables(p: VehicleParams) -> CarTables:
+    """The car at rest on flat ground."""
+    return CarTables(
+        _car_record(p), _wheel_table(p), np.zeros(1, DRIVE), np.zeros((4, PLACES, 5)), np.zeros(6)
+    )
+
+
+def _wheel_table(p: VehicleParams) -> Wheels:
     """The four wheels at rest on flat ground."""
     wheels = np.zeros(4, WHEEL)
     for wheel, (axle, side) in zip(wheels, ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)), strict=True):
@@ -77,7 +100,7 @@ def settle(wheels: Wheels) -> None:
     wheels["normal_z"] = 1.0
 
 
-def car_record(p: VehicleParams) -> Car:
+def _car_record(p: VehicleParams) -> Car:
     """The car."""
     car = np.zeros(1, CAR)
     for name in _OF_PARAMS:

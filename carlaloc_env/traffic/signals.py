@@ -119,14 +119,6 @@ class SignalPlan:
         _put_signals(self._start_ns, self._green_ns, self._cycle_ns, self._yellow_ns, stamp_ns, *now)
         return now
 
-    def state_at(self, stamp_ns: int) -> NDArray[np.uint8]:
-        """`SignalState` of every head at a time [ns], shape (S,)."""
-        return self.at(stamp_ns).state
-
-    def until_green_s(self, stamp_ns: int) -> Array:
-        """Time until each head next turns green [s], 0 while it is green, shape (S,)."""
-        return self.at(stamp_ns).until_green_s
-
     def open_fraction(self, roads: Roads) -> NDArray[np.float64]:
         """Fraction of time for which lights let vehicles into each lane, 1 without lights, shape (N,)."""
         fraction = np.zeros(len(roads.lane.head_first))
