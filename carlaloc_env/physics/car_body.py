@@ -54,7 +54,7 @@ def push_car(
     """
     car, drive, push = tables.car[0], tables.drive[0], tables.push
     motion = _motion(pose, twist)
-    _, _, _, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, _, _, _ = motion
+    vx, vy, vz = motion[12:15]
     advance_drive(drive, car, pedals, friction, vx)
     drag = 0.5 * car.air_kgpm3 * car.drag_area_m2 * sqrt(vx * vx + vy * vy + vz * vz)
     push[:] = 0.0
@@ -63,23 +63,14 @@ def push_car(
     fx, fy, fz, tx, ty, tz = push[0], push[1], push[2], push[3], push[4], push[5]
     # PyBullet's body has the whole mass; the springs carry the sprung part of it.
     fz *= car.mass_kg / car.sprung_kg
-    force = (
-        r11 * fx + r12 * fy + r13 * fz,
-        r21 * fx + r22 * fy + r23 * fz,
-        r31 * fx + r32 * fy + r33 * fz,
-    )
-    torque = (
-        r11 * tx + r12 * ty + r13 * tz,
-        r21 * tx + r22 * ty + r23 * tz,
-        r31 * tx + r32 * ty + r33 * tz,
-    )
-    return force, torque
+    return _to_world(motion, fx, fy, fz), _to_world(motion, tx, ty, tz)
 
 
 @compiled
 def base_motion(car: Car, pose: Pose, twist: Twist) -> BaseMotion:
     """Motion of `base_link` from that of the centre of mass."""
-    px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, wx, wy, wz = _motion(pose, twist)
+    motion = _motion(pose, twist)
+    px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, wx, wy, wz = motion
     ox, oy, oz = -car[0].cog_x_m, 0.0, -car[0].cog_z_m
     bx, by, bz = vx + wy * oz - wz * oy, vy + wz * ox - wx * oz, vz + wx * oy - wy * ox
     position = (
@@ -87,12 +78,15 @@ def base_motion(car: Car, pose: Pose, twist: Twist) -> BaseMotion:
         py + r21 * ox + r22 * oy + r23 * oz,
         pz + r31 * ox + r32 * oy + r33 * oz,
     )
-    velocity = (
-        r11 * bx + r12 * by + r13 * bz,
-        r21 * bx + r22 * by + r23 * bz,
-        r31 * bx + r32 * by + r33 * bz,
-    )
+    velocity = _to_world(motion, bx, by, bz)
     return BaseMotion(position, velocity, (wx, wy, wz), bx, arctan2(r21, r11))
+
+
+@compiled
+def _to_world(motion: BodyMotion, x: float, y: float, z: float) -> Vector3:
+    """A vector of body axes in world axes."""
+    _, _, _, r11, r12, r13, r21, r22, r23, r31, r32, r33, _, _, _, _, _, _ = motion
+    return r11 * x + r12 * y + r13 * z, r21 * x + r22 * y + r23 * z, r31 * x + r32 * y + r33 * z
 
 
 @compiled

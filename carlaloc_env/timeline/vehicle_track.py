@@ -84,8 +84,7 @@ class CarTrack:
         if self._count:
             before = self._rows[self._count - 1, :4].tolist()
             turned = [angle + spin * TICK_S for angle, spin in zip(before, wheel_spin_radps, strict=True)]
-        c = controls
-        pedals = (c.throttle, c.brake, c.reverse, c.handbrake)
+        pedals = (controls.throttle, controls.brake, controls.reverse, controls.handbrake)
         self._rows[self._count] = (*turned, *wheel_spin_radps, road_wheel_rad, *pedals)
         self._count += 1
 

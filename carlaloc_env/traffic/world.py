@@ -15,7 +15,6 @@ from carlaloc_env.traffic.actor_frames import new_arrays, put_actors, put_boxes
 from carlaloc_env.traffic.config import TrafficConfig as TrafficConfig
 from carlaloc_env.traffic.config import traffic_of_town as traffic_of_town
 from carlaloc_env.traffic.population import draw_catalog, draw_drivers, draw_vehicles
-from carlaloc_env.traffic.signals import SignalsNow
 from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.vehicle_step import StepInput, Vehicles
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
@@ -45,7 +44,6 @@ class TrafficWorld:
         )
         self._vehicles = Vehicles(self._tables, drivers, config.driver_parameters(), open_fraction)
         self.catalog = draw_catalog(names, tints, config)
-        self._signals_ns, self._signals = 0, self.signal_plan.at(0)
         self._put_actors, self._put_boxes = same_types(put_actors), same_types(put_boxes)
 
     def reset(self, ego: EgoView | None = None) -> ActorFrame:
@@ -83,14 +81,8 @@ class TrafficWorld:
         return self._frame()
 
     def signals(self, stamp_ns: int) -> NDArray[np.uint8]:
-        """`SignalState` of every head at a time [ns]; not to be written to."""
-        return self._signals_at(stamp_ns).state
-
-    def _signals_at(self, stamp_ns: int) -> SignalsNow:
-        # The same is asked for twice: as the state of one step, and when the next one is made of it.
-        if stamp_ns != self._signals_ns:
-            self._signals_ns, self._signals = stamp_ns, self.signal_plan.at(stamp_ns)
-        return self._signals
+        """`SignalState` of every head at a time [ns]."""
+        return self.signal_plan.at(stamp_ns).state
 
     def changing_lanes(self) -> NDArray[np.bool_]:
         """Which vehicles are moving from one lane to another, (N,)."""
@@ -103,22 +95,14 @@ class TrafficWorld:
         return self._network.speed_limit_mps(fleet.plan[:-1, 0], fleet.station_m[:-1])
 
     def _advance(self, ego: EgoView) -> None:
-        signals, vehicles, walkers = self._signals_at(self._step * STEP_NS), self._vehicles, self._walkers
+        signals, vehicles, walkers = self.signal_plan.at(self._step * STEP_NS), self._vehicles, self._walkers
         box = ego.box()
         if self._config.walkers:
             self._put_boxes(vehicles.fleet, vehicles.poses, box, walkers.boxes)
             walkers.step(
                 self._tables.roads, vehicles.occupancy, self._taken, signals.state, signals.until_green_s
             )
-        vehicles.step(
-            StepInput(
-                ego=box,
-                signals=signals.state,
-                red_in_s=signals.until_red_s,
-                taken_by_walkers=self._taken,
-                step=self._step,
-            )
-        )
+        vehicles.step(StepInput(box, signals.state, signals.until_red_s, self._taken, self._step))
         self._step += 1
 
     def _frame(self) -> ActorFrame:
