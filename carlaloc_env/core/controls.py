@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from carlaloc_env.core.errors import ActionError
@@ -29,8 +28,8 @@ class Controls:
         Raises:
             ActionError: a value is NaN, infinite or out of range.
         """
-        for name, low in (("steer", -1.0), ("throttle", 0.0), ("brake", 0.0)):
-            value = getattr(self, name)
-            if not math.isfinite(value) or not low <= value <= 1.0:
-                raise ActionError(f"{name} is {value}; give a finite number from {low:g} to 1")
-        return self
+        if -1.0 <= self.steer <= 1.0 and 0.0 <= self.throttle <= 1.0 and 0.0 <= self.brake <= 1.0:
+            return self
+        low_of = {"steer": -1.0, "throttle": 0.0, "brake": 0.0}
+        name = next(name for name, low in low_of.items() if not low <= getattr(self, name) <= 1.0)
+        raise ActionError(f"{name} is {getattr(self, name)}; give a finite number from {low_of[name]:g} to 1")

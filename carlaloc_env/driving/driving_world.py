@@ -71,6 +71,7 @@ class DrivingWorld:
         )
         self._ego = EgoCar(self._physics)
         self._listener: DriveListener | None = None
+        self._state: EgoState | None = None
 
     def reset(
         self,
@@ -103,7 +104,7 @@ class DrivingWorld:
         self._ego.reset(start.position_m[0], float(start.heading_rad[0]))
         self._traffic = TrafficWorld(self.town.network, self.traffic_config, self._tables)
         self.timeline = Timeline(self._traffic.catalog)
-        self.state = self._ego.state()
+        self._state = None
         # Before anybody is told: traffic that does not fit is refused here.
         first = self._traffic.reset(self._ego_view())
         if listener is not None:
@@ -113,12 +114,19 @@ class DrivingWorld:
         self._step = 0
         self._contacts: list[Contact] = []
         self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
-        self._append_tick(_PARKED)
+        self._ego.follow(self.timeline.ego, self.timeline.car, _PARKED)
         self._notify_tick(_PARKED)
         self._add_step(first)
         self._add_step(self._traffic.step(self._ego_view()))
         self.tick(_PARKED)
         self._road.start(self.state.position_m)
+
+    @property
+    def state(self) -> EgoState:
+        """State of the ego after the last tick."""
+        if self._state is None:
+            self._state = self._ego.state()
+        return self._state
 
     @property
     def now_ns(self) -> int:
@@ -153,9 +161,9 @@ class DrivingWorld:
             self._physics.set_actors(frames[0], self.timeline.catalog, frames[1], ticks=1)
         self._ego.tick(controls)
         self._tick += 1
-        self.state = self._ego.state()
-        self._speeds.append(self.state.speed_mps)
-        self._append_tick(controls)
+        self._state = None
+        self._speeds.append(self._ego.speed_mps)
+        self._ego.follow(self.timeline.ego, self.timeline.car, controls)
         self._notify_tick(controls)
         contacts = self._physics.contacts()
         if self._listener is not None:
@@ -209,11 +217,6 @@ class DrivingWorld:
         if self._listener is not None:
             self._listener.on_step(self._step, frame, signals)
         self._step += 1
-
-    def _append_tick(self, controls: Controls) -> None:
-        state = self.state
-        self.timeline.ego.append(state.position_m, state.quat_xyzw)
-        self.timeline.car.append(state.wheel_spin_radps, state.road_wheel_rad, controls)
 
     def _notify_tick(self, controls: Controls) -> None:
         if self._listener is not None:

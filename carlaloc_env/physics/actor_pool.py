@@ -87,7 +87,8 @@ class ActorPool:
 
     def _place(self, body: int, centre: list[float], velocity: list[float], quat: list[float]) -> None:
         t = self._ticks * TICK_S
-        position = [centre[k] + velocity[k] * t for k in range(3)]
+        (x, y, z), (vx, vy, vz) = centre, velocity
+        position = (x + vx * t, y + vy * t, z + vz * t)
         pybullet.resetBasePositionAndOrientation(body, position, quat, physicsClientId=self._client)
 
     def clear(self) -> None:

@@ -41,6 +41,8 @@ class ContactLog:
 
     def take(self) -> list[Contact]:
         """All contacts since the last call, hardest first."""
+        if not self._touched:
+            return []
         found = [
             Contact(actor_id=actor, impulse_ns=total, position_m=where)
             for actor, (total, _, where) in self._touched.items()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,17 +10,19 @@ from numpy.typing import ArrayLike
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.core.elementary_kernels import arctan2, sin_cos
+from carlaloc_env.core.direct_calls import same_types
+from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry import transforms
+from carlaloc_env.physics.car_body import Pose, Twist, base_motion, push_car
 from carlaloc_env.physics.ground_heights import highest_below
 from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.physics.powertrain import Powertrain
 from carlaloc_env.physics.quiet_import import pybullet
-from carlaloc_env.physics.wheel import PLACES, BodyMotion, Drive, advance_wheels, wet_at_speed
-from carlaloc_env.physics.wheel_table import car_record, settle, wheel_table
+from carlaloc_env.physics.wheel_table import car_tables, settle
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road.road_profile import no_roughness
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.vehicle_track import CarTrack
 
 _SETTLE_TICKS = 400
 """Ticks after which the car rests on its springs."""
@@ -71,15 +72,15 @@ class EgoCar:
         self._world = world
         self._params = p = params if params is not None else VehicleParams()
         self._offset = (-p.cog_x_m, 0.0, -p.cog_z_m)
-        self._powertrain = Powertrain(p)
-        self._wheels, self._car = wheel_table(p), car_record(p)
-        self._rough = no_roughness() if world.roughness is None else world.roughness.table
-        self._hits = np.zeros((4, PLACES, 5))
-        self._pushed = np.zeros(6)
+        rough = no_roughness() if world.roughness is None else world.roughness.table
+        self._tables = car_tables(p)
+        self._wheels, self._drive = self._tables.wheels, self._tables.drive
+        self._fixed = (self._tables, world.ground, rough)
         self._body = -1
-        self._steer_rad = 0.0
-        self._motion: BodyMotion = (0.0,) * 3 + (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0) + (0.0,) * 6
-        self._quat: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
+        self._pose: Pose = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        self._twist: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self._push, self._base_motion = same_types(push_car), same_types(base_motion)
+        self._base = base_motion(self._tables.car, self._pose, self._twist)
         self._speed_before_mps = 0.0
 
     @property
@@ -102,8 +103,7 @@ class EgoCar:
         base, quat = self._place_on_road(wanted, float(heading_rad))
         com = base + transforms.quat_rotate(quat, [-o for o in self._offset])
         self._renew_body(com, quat)
-        self._powertrain.release()
-        self._steer_rad = 0.0
+        self._drive[:] = 0.0
         settle(self._wheels)
         self._read()
         for _ in range(_SETTLE_TICKS):
@@ -117,96 +117,49 @@ class EgoCar:
         Raises:
             ActionError: a control is not finite or out of range; nothing has moved then.
         """
-        controls.checked()
-        p, m = self._params, self._motion
-        self._turn_wheels(controls.steer)
-        power = self._powertrain
-        power.update(controls, m[12])
-        mu = wet_at_speed(self._world.friction, m[12])
-        how = Drive(self._steer_rad, power.motor_n, power.brake_n, power.handbrake_nm, mu)
-        drag = 0.5 * p.air_kgpm3 * p.drag_area_m2 * sqrt(m[12] * m[12] + m[13] * m[13] + m[14] * m[14])
-        self._pushed[:] = (-drag * m[12], -drag * m[13], 0.0, 0.0, 0.0, 0.0)
-        ground = self._world.ground
-        advance_wheels(self._wheels, self._car, m, ground, self._rough, how, self._hits, self._pushed)
-        self._push()
-        self._speed_before_mps = m[12] + m[16] * self._offset[2]
+        c, client = controls.checked(), self._world.client
+        pedals = (float(c.steer), float(c.throttle), float(c.brake), bool(c.reverse), bool(c.handbrake))
+        force, torque = self._push(*self._fixed, self._pose, self._twist, pedals, self._world.friction)
+        pybullet.applyExternalForce(
+            self._body, -1, force, self._pose[0], pybullet.WORLD_FRAME, physicsClientId=client
+        )
+        pybullet.applyExternalTorque(self._body, -1, torque, pybullet.WORLD_FRAME, physicsClientId=client)
         self._world.step()
         self._read()
 
+    @property
+    def speed_mps(self) -> float:
+        """Forward speed of `base_link` [m/s]."""
+        return self._base.speed_mps
+
+    def follow(self, ego: EgoTrack, car: CarTrack, controls: Controls) -> None:
+        """Append the state after the last tick, and the controls that led there, to its tracks."""
+        ego.append(self._base.position_m, self._pose[1])
+        car.append(self._wheels["spin_radps"].tolist(), self._drive["steer_rad"].item(), controls)
+
     def state(self) -> EgoState:
         """State after the last tick."""
-        px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, wx, wy, wz = self._motion
-        ox, oy, oz = self._offset
-        bx, by, bz = vx + wy * oz - wz * oy, vy + wz * ox - wx * oz, vz + wx * oy - wy * ox
-        wheels = self._wheels
+        base, wheels = self._base, self._wheels
         return EgoState(
-            position_m=np.array(
-                (
-                    px + r11 * ox + r12 * oy + r13 * oz,
-                    py + r21 * ox + r22 * oy + r23 * oz,
-                    pz + r31 * ox + r32 * oy + r33 * oz,
-                )
-            ),
-            quat_xyzw=np.array(self._quat),
-            velocity_world_mps=np.array(
-                (
-                    r11 * bx + r12 * by + r13 * bz,
-                    r21 * bx + r22 * by + r23 * bz,
-                    r31 * bx + r32 * by + r33 * bz,
-                )
-            ),
-            omega_body_radps=np.array((wx, wy, wz)),
-            speed_mps=bx,
-            acceleration_mps2=(bx - self._speed_before_mps) / TICK_S,
-            heading_rad=arctan2(r21, r11),
-            road_wheel_rad=self._steer_rad,
+            position_m=np.array(base.position_m),
+            quat_xyzw=np.array(self._pose[1]),
+            velocity_world_mps=np.array(base.velocity_world_mps),
+            omega_body_radps=np.array(base.omega_body_radps),
+            speed_mps=base.speed_mps,
+            acceleration_mps2=(base.speed_mps - self._speed_before_mps) / TICK_S,
+            heading_rad=base.heading_rad,
+            road_wheel_rad=self._drive["steer_rad"].item(),
             wheel_spin_radps=tuple(wheels["spin_radps"].tolist()),
             wheel_travel_m=tuple(wheels["travel_m"].tolist()),
             wheel_load_n=tuple(wheels["load_n"].tolist()),
         )
 
-    def _turn_wheels(self, steer: float) -> None:
-        p = self._params
-        most = p.wheel_rate_radps / p.steering_ratio * TICK_S
-        change = steer * p.steer_max_rad - self._steer_rad
-        self._steer_rad += max(-most, min(most, change))
-
-    def _push(self) -> None:
-        p = self._params
-        px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, *_ = self._motion
-        fx, fy, fz, tx, ty, tz = self._pushed.tolist()
-        # PyBullet's body has the whole mass; the springs carry the sprung part of it.
-        fz *= p.mass_kg / p.sprung_kg
-        force = (
-            r11 * fx + r12 * fy + r13 * fz,
-            r21 * fx + r22 * fy + r23 * fz,
-            r31 * fx + r32 * fy + r33 * fz,
-        )
-        torque = (
-            r11 * tx + r12 * ty + r13 * tz,
-            r21 * tx + r22 * ty + r23 * tz,
-            r31 * tx + r32 * ty + r33 * tz,
-        )
-        client = self._world.client
-        pybullet.applyExternalForce(
-            self._body, -1, force, (px, py, pz), pybullet.WORLD_FRAME, physicsClientId=client
-        )
-        pybullet.applyExternalTorque(self._body, -1, torque, pybullet.WORLD_FRAME, physicsClientId=client)
-
     def _read(self) -> None:
         client = self._world.client
-        (px, py, pz), quat = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=client)
-        (vx, vy, vz), (wx, wy, wz) = pybullet.getBaseVelocity(self._body, physicsClientId=client)
-        x, y, z, w = quat
-        r11, r12, r13 = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
-        r21, r22, r23 = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
-        r31, r32, r33 = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
-        self._quat = quat
-        self._motion = (
-            px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33,
-            r11 * vx + r21 * vy + r31 * vz, r12 * vx + r22 * vy + r32 * vz, r13 * vx + r23 * vy + r33 * vz,
-            r11 * wx + r21 * wy + r31 * wz, r12 * wx + r22 * wy + r32 * wz, r13 * wx + r23 * wy + r33 * wz,
-        )  # fmt: skip
+        self._pose = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=client)
+        self._twist = pybullet.getBaseVelocity(self._body, physicsClientId=client)
+        self._speed_before_mps = self._base.speed_mps
+        self._base = self._base_motion(self._tables.car, self._pose, self._twist)
 
     def _renew_body(self, com_m: Array, quat_xyzw: Array) -> None:
         p = self._params

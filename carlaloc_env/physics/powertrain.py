@@ -1,48 +1,24 @@
-"""From pedals to forces at the wheels: motor, regeneration, brakes, handbrake."""
+"""From steering wheel and pedals to the wheels: steering, motor, regeneration, brakes, handbrake."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.controls import Controls
-from carlaloc_env.physics.params import VehicleParams
+from carlaloc_env.core.jit import compiled
+
+Pedals = tuple[float, float, float, bool, bool]
+"""Steering, throttle, brake, reverse and handbrake, as in `Controls`."""
 
 
-class Powertrain:
-    """Motor and brakes with their lags.
+def motor_force_n(params: Any, throttle: float, speed_mps: float, reverse: bool = False) -> float:
+    """Steady motor force at the wheels [N] for a pedal position 0–1 and a forward speed [m/s].
 
     Released pedals regenerate: the motor force runs from full drive to full regeneration over the
     throttle's travel, so a steady speed needs about a quarter of it, as in electric cars.
+
+    `params` are `VehicleParams`, or a record of `CAR`.
     """
-
-    __slots__ = ("_params", "brake_n", "handbrake_nm", "motor_n")
-
-    def __init__(self, params: VehicleParams) -> None:
-        self._params = params
-        self.release()
-
-    def release(self) -> None:
-        """Bring motor and brakes to rest."""
-        self.motor_n = 0.0
-        """Force of the motor at the wheels [N]; > 0 drives forwards, < 0 backwards or regenerates."""
-        self.brake_n = 0.0
-        """Force that the brakes of all wheels ask for together [N]."""
-        self.handbrake_nm = 0.0
-        """Handbrake torque on each rear wheel [N m]."""
-
-    def update(self, controls: Controls, speed_mps: float) -> None:
-        """Advance by one tick at a forward speed [m/s]."""
-        p = self._params
-        wanted = motor_force_n(p, controls.throttle, speed_mps, reverse=controls.reverse)
-        self.motor_n += (wanted - self.motor_n) * TICK_S / p.drive_lag_s
-        asked = controls.brake * p.brake_mps2 * p.mass_kg
-        self.brake_n += (asked - self.brake_n) * TICK_S / p.brake_lag_s
-        self.handbrake_nm = p.handbrake_nm if controls.handbrake else 0.0
-
-
-def motor_force_n(
-    params: VehicleParams, throttle: float, speed_mps: float, *, reverse: bool = False
-) -> float:
-    """Steady motor force at the wheels [N] for a pedal position 0–1 and a forward speed [m/s]."""
     p = params
     along = -speed_mps if reverse else speed_mps
     if reverse:
@@ -51,5 +27,44 @@ def motor_force_n(
         limit = p.drive_force_n
     limit = min(limit, p.power_w * p.efficiency / max(1.0, along))
     fade = max(-1.0, min(1.0, along / p.regeneration_fade_mps))
-    force = throttle * limit - (1.0 - throttle) * fade * p.regeneration_mps2 * p.mass_kg
+    force: float = throttle * limit - (1.0 - throttle) * fade * p.regeneration_mps2 * p.mass_kg
     return -force if reverse else force
+
+
+_motor_force_n = compiled(motor_force_n)
+
+
+@compiled
+def advance_drive(
+    drive: Any,
+    car: Any,
+    pedals: Pedals,
+    friction: float,
+    speed_mps: float,
+) -> None:
+    """Advance steering, motor and brakes with their lags by one tick.
+
+    Args:
+        drive: Record of `DRIVE`.
+        car: Record of `CAR`.
+        pedals: What the driver does.
+        friction: Factor on the friction of the standing car, 1 = dry asphalt.
+        speed_mps: Forward speed [m/s].
+    """
+    steer, throttle, brake, reverse, handbrake = pedals
+    most = car.wheel_rate_radps / car.steering_ratio * TICK_S
+    drive.steer_rad += max(-most, min(most, steer * car.steer_max_rad - drive.steer_rad))
+    wanted = _motor_force_n(car, throttle, speed_mps, reverse)
+    drive.motor_n += (wanted - drive.motor_n) * TICK_S / car.drive_lag_s
+    asked = brake * car.brake_mps2 * car.mass_kg
+    drive.brake_n += (asked - drive.brake_n) * TICK_S / car.brake_lag_s
+    drive.handbrake_nm = car.handbrake_nm if handbrake else 0.0
+    drive.mu = _wet_at_speed(friction, speed_mps)
+
+
+@compiled
+def _wet_at_speed(mu_factor: float, speed_mps: float) -> float:
+    """Friction factor at a speed [m/s]: 0.75 in the wet falls to 0.6 at 100 km/h, dry stays dry."""
+    if mu_factor >= 1.0:
+        return mu_factor
+    return mu_factor * (1.0 - 0.8 * (1.0 - mu_factor) * min(1.0, abs(speed_mps) / 27.8))

@@ -7,7 +7,7 @@ advance semi-implicitly at 200 Hz: positions with the newest speeds, forces from
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
@@ -16,15 +16,13 @@ from carlaloc_env.core.jit import compiled
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.physics.ground_heights import GroundTable, highest_below
 from carlaloc_env.physics.tyre import advance_tyre, lateral_mu
-from carlaloc_env.physics.wheel_table import Car, Wheels
+from carlaloc_env.physics.wheel_table import PLACES, CarTables
 from carlaloc_env.road.road_profile import RoughTable, rough_height
 
 _LOOK_ABOVE_M = 0.5
 """The road is looked for from so far above the hub [m]."""
 _LOOK_BELOW_M = 1.0
 """And down to so far below it [m]."""
-PLACES = 3
-"""Places below a wheel at which the road is looked for: rear, centre, front."""
 
 BodyMotion = tuple[
     float, float, float, float, float, float, float, float, float,
@@ -32,21 +30,6 @@ BodyMotion = tuple[
 ]  # fmt: skip
 """Motion of the body: position of the centre of mass [m] in the world, rotation body → world row by
 row, velocity [m/s] and rate [rad/s] in body axes."""
-
-
-class Drive(NamedTuple):
-    """What motor, brakes and steering do to the wheels."""
-
-    steer_rad: float
-    """Angle of the front wheels of the single-track model, left positive [rad]."""
-    motor_n: float
-    """Force of the motor at the rear wheels [N]."""
-    brake_n: float
-    """Force that the brakes of all wheels ask for together [N]."""
-    handbrake_nm: float
-    """Handbrake torque on each rear wheel [N m]."""
-    mu: float
-    """Factor on the friction, 1 = dry asphalt."""
 
 
 @compiled
@@ -81,29 +64,17 @@ def _look_down(wheel: Any, car: Any, motion: BodyMotion, ground: GroundTable, hi
 
 
 @compiled
-def advance_wheels(
-    wheels: Wheels,
-    car_table: Car,
-    motion: BodyMotion,
-    ground: GroundTable,
-    rough: RoughTable,
-    drive: Drive,
-    hits: Array,
-    push: Array,
-) -> None:
-    """Advance the wheels by one tick and add up what they do to the body.
+def advance_wheels(tables: CarTables, motion: BodyMotion, ground: GroundTable, rough: RoughTable) -> None:
+    """Advance the wheels by one tick and add what they do to the body to `tables.push`.
 
     Args:
-        wheels: The wheels.
-        car_table: The car.
+        tables: The car.
         motion: Motion of the body now.
         ground: The town's mesh.
         rough: What lies on the roads beyond the town's mesh.
-        drive: Motor, brakes and steering.
-        hits: Room for what is found under the wheels, shape (4, 3, 5).
-        push: Force [N] and torque [N m] on the body, body axes, to which that of the wheels is added, (6,).
     """
-    car, forward_mps = car_table[0], motion[12]
+    car, drive, wheels = tables.car[0], tables.drive[0], tables.wheels
+    hits, push, forward_mps = tables.hits, tables.push, motion[12]
     radius = car.wheel_radius_m - 0.02
     # Ackermann: all wheels turn about one point on the rear axle's line.
     slope = tan(drive.steer_rad)
@@ -265,10 +236,3 @@ def _spring(wheel: Any, car: Any, motion: BodyMotion, steer_rad: float, anti_rol
     wheel.speed_z += TICK_S * (
         (force_z - spring) / wheel.unsprung_kg - GRAVITY_MPS2 * r33 + ux * wy - uy * wx
     )
-
-
-def wet_at_speed(mu_factor: float, speed_mps: float) -> float:
-    """Friction factor at a speed [m/s]: 0.75 in the wet falls to 0.6 at 100 km/h, dry stays dry."""
-    if mu_factor >= 1.0:
-        return mu_factor
-    return mu_factor * (1.0 - 0.8 * (1.0 - mu_factor) * min(1.0, abs(speed_mps) / 27.8))

@@ -1,13 +1,14 @@
-"""Wheels and car as records that compiled functions read and write."""
+"""Wheels, car and drive as records that compiled functions read and write."""
 
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.physics.params import VehicleParams
 
@@ -30,19 +31,50 @@ _OF_PARAMS = (
     "mass_kg", "wheelbase_m", "track_m", "wheel_radius_m", "tyre_npm", "tyre_nspm", "bump_stop_m",
     "rebound_stop_m", "stop_npm", "smoothing_m", "envelope_m", "brake_front", "slip_control", "mu_long",
     "mu_lat", "mu_lat_fall", "load_ref_n", "rolling", "wheel_inertia_kgm2", "slip_stiffness", "cornering_n",
-    "cornering_load_n", "relaxation_long_m", "relaxation_lat_m", "standstill_nspm",
+    "cornering_load_n", "relaxation_long_m", "relaxation_lat_m", "standstill_nspm", "cog_x_m", "cog_z_m",
+    "drag_area_m2", "air_kgpm3", "power_w", "efficiency", "drive_force_n", "reverse_force_n",
+    "reverse_speed_mps", "drive_lag_s", "regeneration_mps2", "regeneration_fade_mps", "brake_mps2",
+    "brake_lag_s", "handbrake_nm", "steer_max_rad", "steering_ratio", "wheel_rate_radps",
 )  # fmt: skip
 CAR = np.dtype([(name, np.float64) for name in (*_OF_PARAMS, "sprung_kg", "bar_front", "bar_rear", "drop_m")])
 """Record of the car: numbers of `VehicleParams`, rates of the anti-roll bars, and how much lower the outer
 rays of a wheel's envelope meet a flat road [m]."""
+DRIVE = np.dtype([(name, np.float64) for name in ("steer_rad", "motor_n", "brake_n", "handbrake_nm", "mu")])
+"""Record of what steering, motor and brakes do to the wheels: angle of the front wheels of the single-track
+model, left positive [rad], force of the motor at the rear wheels, > 0 forwards [N], force that the brakes of
+all wheels ask for together [N], handbrake torque on each rear wheel [N m], factor on the friction."""
 
 Wheels = NDArray[Any]
 """Four records of `WHEEL`: front left, front right, rear left, rear right."""
 Car = NDArray[Any]
 """One record of `CAR`, shape (1,)."""
+PLACES = 3
+"""Places below a wheel at which the road is looked for: rear, centre, front."""
 
 
-def wheel_table(p: VehicleParams) -> Wheels:
+class CarTables(NamedTuple):
+    """The car for compiled functions."""
+
+    car: Car
+    """Its numbers."""
+    wheels: Wheels
+    """Its wheels."""
+    drive: NDArray[Any]
+    """One record of `DRIVE`, shape (1,)."""
+    hits: Array
+    """Room for what is found under the wheels, shape (4, PLACES, 5)."""
+    push: Array
+    """Force [N] and torque [N m] on the body, body axes, shape (6,)."""
+
+
+def car_tables(p: VehicleParams) -> CarTables:
+    """The car at rest on flat ground."""
+    return CarTables(
+        _car_record(p), _wheel_table(p), np.zeros(1, DRIVE), np.zeros((4, PLACES, 5)), np.zeros(6)
+    )
+
+
+def _wheel_table(p: VehicleParams) -> Wheels:
     """The four wheels at rest on flat ground."""
     wheels = np.zeros(4, WHEEL)
     for wheel, (axle, side) in zip(wheels, ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)), strict=True):
@@ -68,7 +100,7 @@ def settle(wheels: Wheels) -> None:
     wheels["normal_z"] = 1.0
 
 
-def car_record(p: VehicleParams) -> Car:
+def _car_record(p: VehicleParams) -> Car:
     """The car."""
     car = np.zeros(1, CAR)
     for name in _OF_PARAMS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,15 +76,16 @@ class CarTrack:
     def __len__(self) -> int:
         return self._count
 
-    def append(self, wheel_spin_radps: ArrayLike, road_wheel_rad: float, controls: Controls) -> None:
+    def append(self, wheel_spin_radps: Sequence[float], road_wheel_rad: float, controls: Controls) -> None:
         """Add the next tick: spins [rad/s] (4,), angle of the front wheels [rad], controls taken."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        row = self._rows[self._count]
-        row[4:8] = wheel_spin_radps
-        row[:4] = self._rows[self._count - 1, :4] + row[4:8] * TICK_S if self._count else 0.0
-        row[8] = road_wheel_rad
-        row[9:] = controls.throttle, controls.brake, controls.reverse, controls.handbrake
+        turned = [0.0] * 4
+        if self._count:
+            before = self._rows[self._count - 1, :4].tolist()
+            turned = [angle + spin * TICK_S for angle, spin in zip(before, wheel_spin_radps, strict=True)]
+        pedals = (controls.throttle, controls.brake, controls.reverse, controls.handbrake)
+        self._rows[self._count] = (*turned, *wheel_spin_radps, road_wheel_rad, *pedals)
         self._count += 1
 
     def forget_before(self, tick: int) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections import defaultdict
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
@@ -29,6 +31,20 @@ class SignalState(IntEnum):
     RED = 1
     YELLOW = 2
     GREEN = 3
+
+
+_RED, _YELLOW, _GREEN = (int(state) for state in (SignalState.RED, SignalState.YELLOW, SignalState.GREEN))
+
+
+class SignalsNow(NamedTuple):
+    """All signal heads at one time."""
+
+    state: NDArray[np.uint8]
+    """`SignalState` of each, shape (S,)."""
+    until_green_s: Array
+    """Time until it next turns green [s], 0 while it is green, shape (S,)."""
+    until_red_s: Array
+    """Time until it next turns red [s], 0 while it is red, shape (S,)."""
 
 
 class SignalPlan:
@@ -96,22 +112,12 @@ class SignalPlan:
         start += offset_ns + round(timing.offset_s * 1e9)
         return cls(start, green, cycle, timing.yellow_s)
 
-    def state_at(self, stamp_ns: int) -> NDArray[np.uint8]:
-        """`SignalState` of every head at a time [ns], shape (S,)."""
-        into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
-        state = np.where(into < self._green_ns, SignalState.GREEN, SignalState.RED)
-        yellow = (into >= self._green_ns) & (into < self._green_ns + self._yellow_ns)
-        return np.where(yellow, SignalState.YELLOW, state).astype(np.uint8)
-
-    def until_green_s(self, stamp_ns: int) -> NDArray[np.float64]:
-        """Time until each head next turns green [s], 0 while it is green, shape (S,)."""
-        into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
-        return np.where(into < self._green_ns, 0.0, (self._cycle_ns - into) / 1e9)
-
-    def until_red_s(self, stamp_ns: int) -> NDArray[np.float64]:
-        """Time until each head next turns red [s], 0 while it is red, shape (S,)."""
-        into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
-        return np.maximum(self._green_ns + self._yellow_ns - into, 0) / 1e9
+    def at(self, stamp_ns: int) -> SignalsNow:
+        """What every head shows at a time [ns], and when it changes."""
+        heads = len(self._start_ns)
+        now = SignalsNow(np.empty(heads, np.uint8), np.empty(heads), np.empty(heads))
+        _put_signals(self._start_ns, self._green_ns, self._cycle_ns, self._yellow_ns, stamp_ns, *now)
+        return now
 
     def open_fraction(self, roads: Roads) -> NDArray[np.float64]:
         """Fraction of time for which lights let vehicles into each lane, 1 without lights, shape (N,)."""
@@ -120,6 +126,26 @@ class SignalPlan:
         np.maximum.at(fraction, lane, (self._green_ns / self._cycle_ns)[roads.head])
         fraction[roads.lane.head_first == roads.lane.head_end] = 1.0
         return fraction
+
+
+@compiled
+def _put_signals(
+    start_ns: NDArray[np.int64],
+    green_ns: NDArray[np.int64],
+    cycle_ns: NDArray[np.int64],
+    yellow_ns: int,
+    stamp_ns: int,
+    state: NDArray[np.uint8],
+    until_green_s: Array,
+    until_red_s: Array,
+) -> None:
+    """Write what S heads show at a time: green from the start of their cycle, then yellow, then red."""
+    for head in range(len(start_ns)):
+        into = (stamp_ns - start_ns[head]) % cycle_ns[head]
+        green, closed = into < green_ns[head], green_ns[head] + yellow_ns
+        state[head] = _GREEN if green else _YELLOW if into < closed else _RED
+        until_green_s[head] = 0.0 if green else (cycle_ns[head] - into) / 1e9
+        until_red_s[head] = max(closed - into, 0) / 1e9
 
 
 def _join_wave(

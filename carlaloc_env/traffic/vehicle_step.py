@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.direct_calls import same_types
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.junctions.approach import collect_requests
 from carlaloc_env.traffic.junctions.conflict_yielding import release_passed, wait_inside
@@ -147,6 +148,25 @@ def _advance(area: VehicleMap, traffic: Traffic, seen: StepInput) -> None:
 
 
 @compiled
+def _step(
+    area: VehicleMap, traffic: Traffic, seen: StepInput, poses: VehiclePoses, lights: NDArray[np.uint8]
+) -> bool:
+    """Advance all vehicles by 50 ms, unless a table has too few rows; write their poses and lights."""
+    if not _observe(area, traffic, seen):
+        return False
+    _advance(area, traffic, seen)
+    _show(area, traffic, poses, lights)
+    return True
+
+
+@compiled
+def _show(area: VehicleMap, traffic: Traffic, poses: VehiclePoses, lights: NDArray[np.uint8]) -> None:
+    """Write poses and lights of all vehicles."""
+    put_poses(area.roads, traffic.drivers, traffic.fleet, poses)
+    put_lights(area.roads, traffic.fleet, len(lights), lights)
+
+
+@compiled
 def _plan_all(roads: Roads, density: Array, fleet: Fleet, count: int, seed: int) -> None:
     """Plan the lanes ahead of the first `count` vehicles."""
     for v in range(count):
@@ -164,8 +184,10 @@ class Vehicles:
         self.parameters = parameters
         self.count = len(drivers.length_m) - 1
         self._map = VehicleMap(tables.roads, tables.overlaps, tables.cells, open_fraction)
-        self._poses = columns(VehiclePoses, self.count)
+        self.poses = columns(VehiclePoses, self.count)
+        """Poses of all vehicles, (N,); the next step writes them anew."""
         self._lights = np.zeros(self.count, np.uint8)
+        self._step = same_types(_step)
 
     @property
     def fleet(self) -> Fleet:
@@ -200,12 +222,12 @@ class Vehicles:
         open_fraction = self._map.open_fraction
         measure_density(roads, fleet, self.drivers.length_m, open_fraction, self.count, density)
         _plan_all(roads, density, fleet, self.count, self.parameters.seed)
+        _show(self._map, self.traffic, self.poses, self._lights)
 
     def step(self, seen: StepInput) -> None:
         """Advance by 50 ms; tables of bodies and approaches grow when they are full."""
-        while not _observe(self._map, self.traffic, seen):
+        while not self._step(self._map, self.traffic, seen, self.poses, self._lights):
             self._grow()
-        _advance(self._map, self.traffic, seen)
 
     def _grow(self) -> None:
         """Give the table that was too small twice the rows that it needs."""
@@ -219,10 +241,4 @@ class Vehicles:
 
     def lights(self) -> NDArray[np.uint8]:
         """Bits of lit lights, (N,)."""
-        put_lights(self.tables.roads, self.fleet, self.count, self._lights)
         return self._lights.copy()
-
-    def poses(self) -> VehiclePoses:
-        """Poses of all vehicles, (N,); the next call writes the same table."""
-        put_poses(self.tables.roads, self.drivers, self.fleet, self._poses)
-        return self._poses

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.direct_calls import same_types
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -43,7 +44,7 @@ class TrafficWorld:
         )
         self._vehicles = Vehicles(self._tables, drivers, config.driver_parameters(), open_fraction)
         self.catalog = draw_catalog(names, tints, config)
-        self._signals_ns, self._signals = 0, self.signal_plan.state_at(0)
+        self._put_actors, self._put_boxes = same_types(put_actors), same_types(put_boxes)
 
     def reset(self, ego: EgoView | None = None) -> ActorFrame:
         """State of all actors at time 0, after the warm-up.
@@ -68,7 +69,6 @@ class TrafficWorld:
         self._taken = np.zeros(len(self._tables.roads.crossing.lane), np.uint8)
         self._step = -round(config.warm_up_s * 1e9) // STEP_NS
         seen_ego = ego or _NOWHERE
-        self._poses = self._vehicles.poses()
         while self._step < 0:
             self._advance(seen_ego)
         self._vehicles.fleet.travelled_m[:] = 0.0
@@ -81,11 +81,8 @@ class TrafficWorld:
         return self._frame()
 
     def signals(self, stamp_ns: int) -> NDArray[np.uint8]:
-        """`SignalState` of every head at a time [ns]; not to be written to."""
-        # The same is asked for twice: as the state of one step, and when the next one is made of it.
-        if stamp_ns != self._signals_ns:
-            self._signals_ns, self._signals = stamp_ns, self.signal_plan.state_at(stamp_ns)
-        return self._signals
+        """`SignalState` of every head at a time [ns]."""
+        return self.signal_plan.at(stamp_ns).state
 
     def changing_lanes(self) -> NDArray[np.bool_]:
         """Which vehicles are moving from one lane to another, (N,)."""
@@ -98,26 +95,19 @@ class TrafficWorld:
         return self._network.speed_limit_mps(fleet.plan[:-1, 0], fleet.station_m[:-1])
 
     def _advance(self, ego: EgoView) -> None:
-        stamp_ns = self._step * STEP_NS
-        seen = StepInput(
-            ego=ego.box(),
-            signals=self.signals(stamp_ns),
-            red_in_s=self.signal_plan.until_red_s(stamp_ns),
-            taken_by_walkers=self._taken,
-            step=self._step,
-        )
+        signals, vehicles, walkers = self.signal_plan.at(self._step * STEP_NS), self._vehicles, self._walkers
+        box = ego.box()
         if self._config.walkers:
-            v = self._vehicles
-            put_boxes(v.fleet, self._poses, seen.ego, self._walkers.boxes)
-            until_green = self.signal_plan.until_green_s(stamp_ns)
-            self._walkers.step(self._tables.roads, v.occupancy, self._taken, seen.signals, until_green)
-        self._vehicles.step(seen)
-        self._poses = self._vehicles.poses()
+            self._put_boxes(vehicles.fleet, vehicles.poses, box, walkers.boxes)
+            walkers.step(
+                self._tables.roads, vehicles.occupancy, self._taken, signals.state, signals.until_green_s
+            )
+        vehicles.step(StepInput(box, signals.state, signals.until_red_s, self._taken, self._step))
         self._step += 1
 
     def _frame(self) -> ActorFrame:
         walkers, lights = self._walkers.state, self._vehicles.lights()
         frame = new_arrays(len(self.catalog))
-        put_actors(self._vehicles.fleet, self._poses, walkers, frame)
+        self._put_actors(self._vehicles.fleet, self._vehicles.poses, walkers, frame)
         dark = np.zeros(len(self.catalog) - len(lights), np.uint8)
         return ActorFrame(**frame._asdict(), lights=np.concatenate([lights, dark]))

@@ -41,7 +41,7 @@ def test_cars_of_all_paces_meet_green(network: LaneNetwork, route: Route) -> Non
         for pace in PACES:
             arrives_s = DEPARTURE_S + travel_s / pace
             for at_s in (arrives_s, arrives_s - 5.0):
-                assert plan.state_at(round(at_s * 1e9))[heads[0]] == SignalState.GREEN
+                assert plan.at(round(at_s * 1e9)).state[heads[0]] == SignalState.GREEN
 
 
 def test_one_light_is_passed_in_the_middle_of_its_green() -> None:
@@ -77,14 +77,14 @@ def test_without_the_wave_or_a_route_cycles_begin_as_ever(network: LaneNetwork, 
     without = SignalPlan.from_network(network, replace(equal, green_wave=False), route)
     for second in range(0, 100, 7):
         now = second * 1_000_000_000
-        assert (plain.state_at(now) == without.state_at(now)).all()
+        assert (plain.at(now).state == without.at(now).state).all()
 
 
 def test_main_streets_have_the_longer_green(network: LaneNetwork, route: Route) -> None:
     """Of a junction on the route its own phases have 20 s; junctions elsewhere none."""
     plan = SignalPlan.from_network(network, TIMING, route)
     step_s = 0.25
-    states = np.array([plan.state_at(round(k * step_s * 1e9)) for k in range(1200)])
+    states = np.array([plan.at(round(k * step_s * 1e9)).state for k in range(1200)])
     longest = []
     for head in range(len(network.signals)):
         edges = np.flatnonzero(np.diff((states[:, head] == SignalState.GREEN).astype(int)))

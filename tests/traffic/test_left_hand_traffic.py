@@ -114,7 +114,7 @@ def test_ranks_and_phases_are_the_same(pair: tuple[LaneNetwork, LaneNetwork], pa
     np.testing.assert_allclose(theirs.stop_m[partner], ours.stop_m, atol=1e-9)
     plans = [SignalPlan.from_network(network) for network in pair]
     for stamp_ns in range(0, 60_000_000_000, 700_000_000):
-        np.testing.assert_array_equal(plans[1].state_at(stamp_ns), plans[0].state_at(stamp_ns))
+        np.testing.assert_array_equal(plans[1].at(stamp_ns).state, plans[0].at(stamp_ns).state)
 
 
 def sides_m(network: LaneNetwork, kinds: tuple[str, ...], *, walkers: int, vehicles: int) -> Array:

@@ -89,7 +89,7 @@ def test_signal_groups_of_a_junction_are_never_open_together(network: LaneNetwor
     timing = SignalTiming(green_s=15.0, yellow_s=3.0, all_red_s=2.0)
     plan = SignalPlan.from_network(network, timing)
     sequence = {(j.id, c.id): c.sequence for j in network.xodr.junctions for c in j.controllers}
-    states = np.array([plan.state_at(k * 500_000_000) for k in range(2 * 240)])
+    states = np.array([plan.at(k * 500_000_000).state for k in range(2 * 240)])
     assert len(network.signals) > 8
     open_ = (states == SignalState.GREEN) | (states == SignalState.YELLOW)
     for a, head_a in enumerate(network.signals):
@@ -107,7 +107,7 @@ def test_signal_groups_of_a_junction_are_never_open_together(network: LaneNetwor
 def test_signal_phases_last_as_long_as_configured(network: LaneNetwork) -> None:
     """Green, yellow and red of a head follow each other with the configured durations."""
     plan = SignalPlan.from_network(network, SignalTiming(green_s=15.0, yellow_s=3.0, all_red_s=2.0))
-    states = np.array([plan.state_at(k * STEP_NS)[0] for k in range(20 * 400)])
+    states = np.array([plan.at(k * STEP_NS).state[0] for k in range(20 * 400)])
     edges = np.flatnonzero(np.diff(states.astype(int))) + 1
     runs = [(int(states[a]), (b - a) * 0.05) for a, b in itertools.pairwise(edges)]
     green = [duration for state, duration in runs if state == SignalState.GREEN]
@@ -127,7 +127,7 @@ def test_protected_left_turns_have_a_green_of_their_own(network: LaneNetwork) ->
     """Phases that hold left turns alone are green for `left_green_s`, all others for `green_s`."""
     timing = SignalTiming(green_s=15.0, left_green_s=6.0, yellow_s=3.0, all_red_s=2.0)
     plan = SignalPlan.from_network(network, timing)
-    states = np.array([plan.state_at(k * STEP_NS) for k in range(20 * 200)])
+    states = np.array([plan.at(k * STEP_NS).state for k in range(20 * 200)])
     kinds = set()
     for index, head in enumerate(network.signals):
         green = states[:, index] == SignalState.GREEN
@@ -147,12 +147,12 @@ def test_time_until_green_agrees_with_the_states(network: LaneNetwork) -> None:
     """After the announced time each head is green, and just before it is not."""
     plan = SignalPlan.from_network(network, SignalTiming())
     for second in range(0, 120, 7):
-        waits = plan.until_green_s(second * 1_000_000_000)
+        waits = plan.at(second * 1_000_000_000).until_green_s
         for head in range(len(network.signals)):
             at = round((second + waits[head]) * 1e9)
-            assert plan.state_at(at)[head] == SignalState.GREEN
+            assert plan.at(at).state[head] == SignalState.GREEN
             if waits[head] > 0.0:
-                assert plan.state_at(at - 1_000_000)[head] != SignalState.GREEN
+                assert plan.at(at - 1_000_000).state[head] != SignalState.GREEN
 
 
 def test_an_offset_shifts_every_cycle(network: LaneNetwork) -> None:
@@ -160,8 +160,8 @@ def test_an_offset_shifts_every_cycle(network: LaneNetwork) -> None:
     plain = SignalPlan.from_network(network, SignalTiming())
     later = SignalPlan.from_network(network, SignalTiming(offset_s=7.5))
     for second in range(0, 200, 3):
-        shifted = later.state_at(round((second + 7.5) * 1e9))
-        assert (shifted == plain.state_at(second * 1_000_000_000)).all()
+        shifted = later.at(round((second + 7.5) * 1e9)).state
+        assert (shifted == plain.at(second * 1_000_000_000).state).all()
 
 
 def test_same_seed_same_traffic(network: LaneNetwork, tables: TrafficTables) -> None:

@@ -110,4 +110,4 @@ def test_signals_follow_the_same_plan(tmp_path: Path) -> None:
     plan = kept_tables(town, folder=tmp_path).signal_plan(timing)
     anew = SignalPlan.from_network(town.network, timing, town.route)
     for second in range(0, 200, 7):
-        assert_same(plan.state_at(second * 10**9), anew.state_at(second * 10**9))
+        assert_same(plan.at(second * 10**9).state, anew.at(second * 10**9).state)

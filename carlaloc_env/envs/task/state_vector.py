@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.envs.task.neighbours import COLUMNS, Ego, first_in_path, put_neighbours
 from carlaloc_env.envs.task.task_world import TaskWorld
 from carlaloc_env.scene.semantic_tags import Tag
@@ -126,6 +127,7 @@ class StateVector:
         self._neighbours = np.zeros((NEIGHBOURS, COLUMNS))
         self._distance_m = np.zeros(NEIGHBOURS)
         self._ahead_m = np.array(ROUTE_AHEAD_M)
+        self._points = np.zeros((len(ROUTE_AHEAD_M), len(ROUTE)))
         self._scale = _scales()
         self._corner_mps = corner_speeds(world.route)
         self._speed_mps = self._speed_before_mps = world.state.speed_mps
@@ -151,9 +153,11 @@ class StateVector:
             speed_mps=state.speed_mps,
             centre_m=EGO_REAR_M + 0.5 * EGO_SIZE_M[0],
         )
+        line = route.position_m, route.curvature_radpm, route.speed_limit_mps, route.step_m, route.closed
+        _put_route_points(*line, s, self._ahead_m, ego, self._points)
         parts = [
             self._ego(standing_s),
-            _route_points(route, s, self._ahead_m, ego).ravel(),
+            self._points.ravel(),
             self._ahead(route, s, ego),
             self._others(ego).ravel(),
         ]
@@ -266,25 +270,31 @@ def corner_speeds(route: Route) -> Array:
     return speeds
 
 
-def _route_points(route: Route, s_m: float, ahead_m: Array, ego: Ego) -> Array:
-    """Rows of `ROUTE`, shape (P, 4); past the end of an open route, its last point."""
-    at = (s_m + ahead_m) / route.step_m
-    number = len(route.position_m)
-    row = at.astype(np.int64)
-    f = at - row
-    row = row % number if route.closed else np.minimum(row, number - 1)
-    after = (row + 1) % number if route.closed else np.minimum(row + 1, number - 1)
-    point = route.position_m[row, :2] + f[:, None] * (route.position_m[after, :2] - route.position_m[row, :2])
-    dx, dy = point[:, 0] - ego.x, point[:, 1] - ego.y
-    return np.stack(
-        [
-            (ego.cos * dx + ego.sin * dy) / ahead_m,
-            (ego.cos * dy - ego.sin * dx) / ahead_m,
-            route.curvature_radpm[row],
-            route.speed_limit_mps[row],
-        ],
-        axis=1,
-    )
+@compiled
+def _put_route_points(
+    route_m: Array,
+    curvature_radpm: Array,
+    limit_mps: Array,
+    step_m: float,
+    closed: bool,
+    s_m: float,
+    ahead_m: Array,
+    ego: Ego,
+    out: Array,
+) -> None:
+    """Write rows of `ROUTE`, (P, 4), at distances ahead (P,); past an open route's end, its last point."""
+    number = len(route_m)
+    for k in range(len(ahead_m)):
+        at = (s_m + ahead_m[k]) / step_m
+        row = int(at)
+        f = at - row
+        row, after = (row % number, (row + 1) % number) if closed else (row, row + 1)
+        row, after = min(row, number - 1), min(after, number - 1)
+        dx = route_m[row, 0] + f * (route_m[after, 0] - route_m[row, 0]) - ego.x
+        dy = route_m[row, 1] + f * (route_m[after, 1] - route_m[row, 1]) - ego.y
+        out[k, 0] = (ego.cos * dx + ego.sin * dy) / ahead_m[k]
+        out[k, 1] = (ego.cos * dy - ego.sin * dx) / ahead_m[k]
+        out[k, 2], out[k, 3] = curvature_radpm[row], limit_mps[row]
 
 
 def _scales() -> Array:

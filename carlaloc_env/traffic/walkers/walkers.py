@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.direct_calls import same_types
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.traffic.tables.demand import weighted_order
 from carlaloc_env.traffic.tables.lane_tables import Roads
@@ -56,6 +57,7 @@ class Walkers:
         self.boxes = columns(VehicleBoxes, len(drivers.length_m))
         self.boxes.half_m[:, 0] = 0.5 * drivers.length_m
         self.boxes.half_m[:, 1] = 0.5 * drivers.width_m
+        self._walk = same_types(walk)
         self._start(count)
 
     def _start(self, count: int) -> None:
@@ -107,7 +109,7 @@ class Walkers:
         red_for_s: Array,
     ) -> None:
         """Advance by 50 ms; writes which crossings are taken, as `walk` says."""
-        walk(
+        self._walk(
             self.walker_network,
             self.state,
             self.boxes,
