@@ -37,7 +37,6 @@ def main(
     drives = partial(logged, towns=towns, urge="urge" not in without, task=task, **kind)
     makers = [partial(drives, out / f"rides_{n}") for n in range(workers)]
     envs = SubprocVecEnv(makers) if workers > 1 else DummyVecEnv(makers)
-    envs.seed(1000 * seed)
     agent = new_agent(envs, seed, verbose=1, **parameters)
     if begin_with is not None:
         load(agent, begin_with)

@@ -289,6 +289,23 @@ def test_a_plain_vector_gets_the_library_s_defaults(
     assert (tmp_path / "agent.pt").is_file()
 
 
+@pytest.mark.parametrize("sees", ["bev", "nothing"])
+def test_an_agent_learns_from_pictures(
+    sees: str, straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It sees the picture; the blind one gets the same numbers and a black picture."""
+    pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    few = {"towns": (straight_map,), "steps": 32, "n_steps": 32, "time_limit_s": 2.0, "scored": 1}
+    load("19_learn_from_nothing").main(tmp_path, sees=sees, **few)
+    assert (tmp_path / "agent.pt").is_file()
+    env = importlib.import_module("learning.drive_env").drive_env([straight_map], sees=sees)
+    seen, _ = env.reset(seed=1)
+    assert env.observation_space.contains(seen)
+    assert (seen["picture"].max() > 0) == (sees == "bev")
+    env.close()
+
+
 def test_a_score_counts_collisions_by_the_kilometre(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
