@@ -10,7 +10,7 @@ from carlaloc_env.envs.task.state_vector import state_names
 
 URGE, ROLLING_MPS, FREE_M = 0.6, 2.0, 8.0
 """Cost of an action that leaves the car standing before so much room; rolling costs less."""
-LATE, COMFORT_MPS2 = 1.5, 1.0
+LATE, COMFORT_MPS2 = 0.4, 1.5
 """Cost of an action after which the car must brake harder than this, for each m/s²."""
 SPEED, ROOM, BRAKING = (state_names().index(name) for name in ("speed", "room", "braking"))
 
