@@ -1,4 +1,4 @@
-"""Film docs/pictures/pupil.mp4: the pupil of example 11 drives Town01's route among unseen traffic.
+"""Film docs/pictures/agent.mp4: the agent of example 19 drives Town01's route among unseen traffic.
 
 `python docs/scripts/make_learning_film.py`, with the extra `learn`.
 """
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 
 ROOT = Path(__file__).parents[2]
-FILM = ROOT / "docs" / "pictures" / "pupil.mp4"
+FILM = ROOT / "docs" / "pictures" / "agent.mp4"
 SEED, HEIGHT_PX, FRAME_RATE_HZ = 10_002, 270, 20
 """Four times as fast as real time, at five actions a second."""
 
@@ -26,10 +26,15 @@ SEED, HEIGHT_PX, FRAME_RATE_HZ = 10_002, 270, 20
 def main() -> None:
     """Drive and film."""
     sys.path.insert(0, str(ROOT / "examples"))
-    from learning.pupil import Pupil
+    from stable_baselines3.common.vec_env import DummyVecEnv
 
-    pupil = Pupil.load(ROOT / "examples" / "learning" / "town01_pupil.pt")
-    env = CarlaLocEnv(map="Town01", rig="bev", frame_skip=4, render_mode="rgb_array")
+    from learning.agent import act, load, new_agent
+    from learning.drive_env import drive_env
+    from learning.others import apart
+
+    env = CarlaLocEnv(map="Town01", rig="bev", action="ackermann", frame_skip=4, render_mode="rgb_array")
+    agent = new_agent(DummyVecEnv([lambda: drive_env(["Town01"])]))
+    load(agent, ROOT / "examples" / "learning" / "town01_agent.pt")
     observation, info = env.reset(seed=SEED)
     with av.open(str(FILM), "w") as film:
         stream = film.add_stream("libx264", rate=FRAME_RATE_HZ, options={"crf": "32", "preset": "slow"})
@@ -37,7 +42,7 @@ def main() -> None:
         while info["ended_by"] is None:
             picture = frame(env.render(), observation["bev"], info, env.world.state.speed_mps)
             film.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-            observation, _, _, _, info = env.step(pupil(observation["state"]))
+            observation, _, _, _, info = env.step(act(agent, apart(observation["state"])))
         film.mux(stream.encode())
     env.close()
 

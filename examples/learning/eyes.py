@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from gymnasium import Space
 from gymnasium.spaces import Box, Dict
 from gymnasium.wrappers import TransformObservation
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
@@ -42,7 +43,10 @@ class Eyes(BaseFeaturesExtractor):  # type: ignore[misc]
 def with_eyes(env: Any, blind: bool) -> Any:
     """An environment of the rig `bev` that shows `picture` and `own`; to the blind, pictures are black."""
     shape = (len(SHOWN), SIZE, SIZE)
-    space = {"own": Box(-1.0, 1.0, (len(OWN),)), "picture": Box(0, 255, shape, np.uint8)}
+    space: dict[str, Space[Any]] = {
+        "own": Box(-1.0, 1.0, (len(OWN),)),
+        "picture": Box(0, 255, shape, np.uint8),
+    }
 
     def look(seen: Any) -> dict[str, Any]:
         fours = seen["bev"][..., SHOWN].reshape(SIZE, 2, SIZE, 2, len(SHOWN))

@@ -246,6 +246,20 @@ def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     env.close()
 
 
+def test_the_agent_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a minute among traffic of an unseen seed brings it a good way along the route, without a touch."""
+    pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    beside = load("20_drive_unseen_towns")
+    env = beside.drive_env(["Town01"], task={"time_limit_s": 30.0})
+    agent = beside.new_agent(beside.DummyVecEnv([lambda: env]))
+    beside.load(agent, EXAMPLES / "learning" / "town01_agent.pt")
+    ride = beside.by_agent(env, lambda seen: beside.act(agent, seen), 10_000)
+    assert ride.ended_by == "time"
+    assert ride.completion > 0.08
+    env.close()
+
+
 def test_an_agent_learns_from_nothing_and_goes_on(
     straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
