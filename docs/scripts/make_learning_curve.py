@@ -21,13 +21,16 @@ PANELS = {
     "the picture from above, and none": {"bev": "#1f4e9c", "nothing": "#c0392b"},
 }
 
+TOP = dict(zip(PANELS, (400, 200), strict=True))
+"""Greatest rewards that the panels show."""
+
 
 def main() -> None:
     """Read and draw."""
     with (PICTURES / "learning.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     figure = new_figure(11.0, 3.6)
-    axes = figure.subplots(1, len(PANELS), sharey=True)
+    axes = figure.subplots(1, len(PANELS))
     for axis, (title, runs) in zip(axes, PANELS.items(), strict=True):
         for run, colour in runs.items():
             rides = [row for row in rows if row["run"] == run]
@@ -36,7 +39,7 @@ def main() -> None:
             mean = [earned[max(0, k + 1 - WINDOW) : k + 1].mean() for k in range(len(earned))]
             axis.plot(actions, earned, ".", color=colour, alpha=0.15, markersize=3)
             axis.plot(actions, mean, color=colour, label=run)
-        axis.set(xlabel="actions [thousands]", title=f"PPO from nothing: {title}", ylim=(-60, 420))
+        axis.set(xlabel="actions [thousands]", title=f"PPO from nothing: {title}", ylim=(-60, TOP[title]))
         axis.grid(alpha=0.3)
         axis.legend(loc="upper left", fontsize="small")
     axes[0].set_ylabel(f"reward of a ride of 100 s (mean of {WINDOW})")
