@@ -9,7 +9,7 @@ from carlaloc_env.core.controls import Controls
 from carlaloc_env.physics.params import VehicleParams
 
 SHARPEST_PER_M = 0.2
-"""Curvature of a full steering action at low speed [1/m]: a turn of 5 m, as tight as the car's."""
+"""Curvature of a full steering action at low speed [1/m]: a turn of 5 m; at full lock it is 4.1 m."""
 LATERAL_MPS2 = 3.0
 """Lateral acceleration of a full steering action at higher speeds [m/s²]."""
 ACCELERATION_MPS2, DECELERATION_MPS2 = 2.5, 8.0
