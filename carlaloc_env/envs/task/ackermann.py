@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.physics.params import VehicleParams
+from carlaloc_env.physics.powertrain import motor_force_n
 
 SHARPEST_PER_M = 0.2
 """Curvature of a full steering action at low speed [1/m]: a turn of 5 m; at full lock it is 4.1 m."""
@@ -37,7 +38,7 @@ def controls_towards(steer: float, speed: float, motion: Motion, p: VehicleParam
     """Controls that lead to a curvature and a speed.
 
     Steering is that of the kinematic single-track model, atan(wheelbase times curvature). Speed is held by
-    a proportional controller over the motor's force of `carlaloc_env.physics.powertrain`.
+    a proportional controller over the motor's force.
 
     Args:
         steer: Share of the sharpest curvature, -1 right to 1 left.
@@ -51,9 +52,8 @@ def controls_towards(steer: float, speed: float, motion: Motion, p: VehicleParam
     wanted_mps = 0.5 * (1.0 + speed) * motion.speed_limit_mps
     asked = max(-DECELERATION_MPS2, min(_GAIN_PER_S * (wanted_mps - v), ACCELERATION_MPS2))
     # The motor's force runs from full drive to full regeneration over the throttle's travel.
-    released = p.regeneration_mps2 * min(1.0, max(v, 0.0) / p.regeneration_fade_mps)
-    throttle = (asked + released) / (p.drive_force_n / p.mass_kg + released)
-    brake = -(asked + released) / p.brake_mps2
+    full, coast = (motor_force_n(p, pedal, v) / p.mass_kg for pedal in (1.0, 0.0))
+    throttle, brake = (asked - coast) / (full - coast), (coast - asked) / p.brake_mps2
     if wanted_mps < _CREEP_MPS and v < _CREEP_MPS:
         throttle, brake = 0.0, _HELD
     return Controls(
