@@ -13,36 +13,36 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from stable_baselines3.common.callbacks import ConvertCallback, EveryNTimesteps
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
 from learning.agent import act, load, new_agent, save
 from learning.drive_env import MILD, drive_env, logged
 from learning.score import UNSEEN, by_agent, report
 
-KEPT = 20_000
-"""Actions after which the agent is saved."""
+KEPT = 20_000  # actions between two savings
 
 
 def main(
-    out: Path, towns: Sequence[str] = ("Town01",), route: str = "town", steps: int = 1_000_000, seed: int = 0,
-    workers: int = 1, begin_with: Path | None = None, without: Sequence[str] = (), scored: int = 50,
-    time_limit_s: float = 100.0, sees: str = "state", **parameters: float,
+    out: Path, towns: Sequence[str] = ("Town01",), route: str = "town", sees: str = "state", seed: int = 0,
+    steps: int = 160_000, abreast: int = 8, processes: bool = False, begin_with: Path | None = None,
+    without: Sequence[str] = (), scored: int = 50, time_limit_s: float = 100.0, **parameters: float,
 ) -> float:  # fmt: skip
-    """Learn for a number of actions, save the agent, and return its route completion in the first town."""
+    """Learn from drives abreast, save the agent, and return its route completion in the first town."""
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
     kind: dict[str, Any] = {name: name not in without for name in ("ackermann", "apart")}
     kind |= {"route": route, "sees": sees, "start": 0.0 if "starts" in without else "anywhere"}
     task = {"time_limit_s": time_limit_s, **({} if "mild" in without else MILD)}
     drives = partial(logged, towns=towns, urge="urge" not in without, task=task, **kind)
-    makers = [partial(drives, out / f"rides_{n}") for n in range(workers)]
-    envs = SubprocVecEnv(makers) if workers > 1 else DummyVecEnv(makers)
+    makers = [partial(drives, out / f"rides_{n}") for n in range(abreast)]
+    envs = SubprocVecEnv(makers) if processes else DummyVecEnv(makers)
     agent = new_agent(envs, seed, verbose=1, **parameters)
     if begin_with is not None:
         load(agent, begin_with)
-    for done in range(0, steps, KEPT):
-        agent.learn(min(KEPT, steps - done), reset_num_timesteps=False)
-        save(agent, out / "agent.pt")
+    keep = ConvertCallback(lambda *_: bool(save(agent, out / "agent.pt")))  # true: go on
+    agent.learn(steps, EveryNTimesteps(KEPT, keep))
+    save(agent, out / "agent.pt")
     scoring = drive_env(towns[:1], **kind | {"start": 0.0, "task": {"time_limit_s": 6.0 * time_limit_s}})
     return report(towns[0], [by_agent(scoring, partial(act, agent), one) for one in UNSEEN[:scored]])
 
@@ -50,10 +50,10 @@ def main(
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(argument_default=argparse.SUPPRESS)
     parser.add_argument("out", type=Path)
-    for number in ("steps", "seed", "workers", "scored"):
-        parser.add_argument(f"--{number}", type=int)
-    parser.add_argument("--begin-with", type=Path)
-    parser.add_argument("--route")
+    numbers = dict.fromkeys(("steps", "seed", "abreast", "scored"), int)
+    for name, kind in {**numbers, "begin-with": Path, "route": str}.items():
+        parser.add_argument(f"--{name}", type=kind)
+    parser.add_argument("--processes", action="store_true")
     parser.add_argument("--sees", choices=("state", "bev", "nothing"))
     parser.add_argument("--towns", nargs="+")
     parser.add_argument("--without", nargs="+", choices=("starts", "ackermann", "apart", "mild", "urge"))

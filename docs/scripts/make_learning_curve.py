@@ -1,7 +1,7 @@
 """Draw docs/pictures/learning.jpg: how the agents of example 19 learn, ride by ride.
 
 `python docs/scripts/make_learning_curve.py`, with the extra `report`.
-`learning.csv` holds the rides of `rides_0.monitor.csv`, one file after the other.
+`learning.csv` holds the rides of all `rides_*.monitor.csv`, in the order of their ends.
 """
 
 from __future__ import annotations
@@ -17,7 +17,11 @@ PICTURES = Path(__file__).parents[1] / "pictures"
 WINDOW = 40
 """Rides whose mean a line shows."""
 PANELS = {
-    "the state vector (two seeds)": {"state, seed 0": "#1f4e9c", "state, seed 1": "#3a7d44"},
+    "the state vector": {
+        "state, seed 0": "#1f4e9c",
+        "state, seed 1": "#3a7d44",
+        "state, seed 2": "#b8860b",
+    },
     "the picture from above, and none": {"bev": "#1f4e9c", "nothing": "#c0392b"},
 }
 

@@ -10,14 +10,15 @@ import torch
 from gymnasium.spaces import Dict
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
+from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from learning.eyes import Eyes
 from learning.others import OwnAndOthers
 
-PARAMETERS = {"n_steps": 1024, "batch_size": 128, "n_epochs": 10, "learning_rate": 1e-3, "gamma": 0.99}
-"""Parameters of PPO; all others are the library's defaults."""
-LOOKING = {**PARAMETERS, "n_epochs": 5, "learning_rate": 5e-4}
+PARAMETERS = {"n_steps": 256, "batch_size": 128, "learning_rate": LinearSchedule(1e-3, 1e-4, 0.9)}
+"""Parameters of PPO; all others are the library's defaults. A rate that stays high loses what it found."""
+LOOKING = {**PARAMETERS, "n_epochs": 5, "learning_rate": LinearSchedule(5e-4, 5e-5, 0.9)}
 """The same for an agent that sees pictures."""
 POLICY = {"log_std_init": -1.2, "net_arch": {"pi": [], "vf": [64, 64]}}
 """Actions are a linear function of the inputs, and spread by e to the power -1.2 at first, not by 1."""
@@ -42,12 +43,13 @@ def act(agent: PPO, seen: Any) -> NDArray[np.float32]:
     return action
 
 
-def save(agent: PPO, path: Path) -> None:
-    """Write network, and mean and variance of its inputs."""
+def save(agent: PPO, path: Path) -> Path:
+    """Write network, and mean and variance of its inputs, and return the path."""
     inputs = agent.get_vec_normalize_env()
     known = {} if inputs is None else vars(inputs.obs_rms["own"])
     own = {name: torch.as_tensor(value) for name, value in known.items() if name != "epsilon"}
     torch.save({"policy": agent.policy.state_dict(), "own": own}, path)
+    return path
 
 
 def load(agent: PPO, path: Path) -> None:

@@ -79,7 +79,7 @@ def write_index(out: Path, films: list[Path], scores: Scores, drawn: list[Path],
 
 
 def _film(path: Path) -> str:
-    name = escape(path.parent.name.replace("_", ", "))
+    name = escape(path.parent.name.replace("_", " "))
     return (
         f'<figure><video src="{path.as_posix()}" controls muted loop autoplay playsinline></video>'
         f"<figcaption>{name}</figcaption></figure>\n"

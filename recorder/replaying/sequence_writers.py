@@ -157,7 +157,7 @@ def _film(calibration: RigCalibration, streams: Streams) -> list[Output]:
         Output(
             encoder,
             lambda folder, _: PreviewWriter(
-                folder.film, encoder, rate_hz=rate_hz, caption=folder.name.replace("_", ", ")
+                folder.film, encoder, rate_hz=rate_hz, caption=folder.name.replace("_", " ")
             ),
         )
     ]

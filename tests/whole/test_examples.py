@@ -260,6 +260,10 @@ def test_the_agent_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     env.close()
 
 
+FEW = {"abreast": 2, "steps": 32, "n_steps": 16, "time_limit_s": 2.0, "scored": 1}
+"""Arguments of example 19 for one update."""
+
+
 def test_an_agent_learns_from_nothing_and_goes_on(
     straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -268,7 +272,7 @@ def test_an_agent_learns_from_nothing_and_goes_on(
     pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
     monkeypatch.syspath_prepend(EXAMPLES)
     example = load("19_learn_from_nothing")
-    few = {"towns": (straight_map,), "steps": 32, "n_steps": 32, "time_limit_s": 2.0, "scored": 1}
+    few = {"towns": (straight_map,), **FEW}
     assert 0.0 < example.main(tmp_path / "first", **few) < 0.5
     path = tmp_path / "first" / "agent.pt"
     assert path.stat().st_size < 200_000
@@ -290,17 +294,13 @@ def test_an_agent_learns_from_nothing_and_goes_on(
 def test_a_plain_vector_gets_the_library_s_defaults(
     straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Here with drives in processes of their own."""
     pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
     monkeypatch.syspath_prepend(EXAMPLES)
-    load("19_learn_from_nothing").main(
-        tmp_path,
-        without=("starts", "ackermann", "apart", "mild"),
-        steps=32,
-        n_steps=32,
-        time_limit_s=4.0,
-        scored=1,
-    )
+    plain = ("starts", "ackermann", "apart", "mild")
+    load("19_learn_from_nothing").main(tmp_path, towns=(straight_map,), without=plain, processes=True, **FEW)
     assert (tmp_path / "agent.pt").is_file()
+    assert (tmp_path / "rides_1.monitor.csv").is_file()
 
 
 @pytest.mark.parametrize("sees", ["bev", "nothing"])
@@ -310,7 +310,7 @@ def test_an_agent_learns_from_pictures(
     """It sees the picture; the blind one gets the same numbers and a black picture."""
     pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
     monkeypatch.syspath_prepend(EXAMPLES)
-    few = {"towns": (straight_map,), "steps": 32, "n_steps": 32, "time_limit_s": 2.0, "scored": 1}
+    few = {"towns": (straight_map,), **FEW}
     load("19_learn_from_nothing").main(tmp_path, sees=sees, **few)
     assert (tmp_path / "agent.pt").is_file()
     env = importlib.import_module("learning.drive_env").drive_env([straight_map], sees=sees)
