@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from importlib import resources
+import sys
+from contextlib import suppress
+from importlib import import_module, resources
 from typing import Any
 
 import moderngl
@@ -32,6 +34,7 @@ def create_context() -> moderngl.Context:
     Raises:
         RenderError: there is no OpenGL 4.3; the message names the packages to install.
     """
+    _load_triton_first()
     index = int(os.environ.get("GLCONTEXT_DEVICE_INDEX", "0"))
     settings: Any = {"backend": "egl", "device_index": index}
     try:
@@ -43,6 +46,17 @@ def create_context() -> moderngl.Context:
             f"no OpenGL {VERSION // 100}.{VERSION // 10 % 10} for pictures ({error}); "
             f"apt-get install {PACKAGES}, and unset GALLIUM_DRIVER"
         ) from error
+
+
+def _load_triton_first() -> None:
+    """Load the compiler of PyTorch, if PyTorch is in use, before Mesa.
+
+    Both bring a LLVM. Mesa's is visible to all that is loaded later, and PyTorch, which loads Triton only
+    when a first optimiser is made, would crash on it.
+    """
+    if "torch" in sys.modules:
+        with suppress(ImportError):
+            import_module("triton")
 
 
 def is_software(context: moderngl.Context) -> bool:
