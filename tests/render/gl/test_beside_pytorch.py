@@ -9,9 +9,9 @@ import sys
 import pytest
 
 LEARN = """
-import torch
 from carlaloc_env.render.gl.context import create_context
 create_context()
+import torch
 torch.optim.Adam(torch.nn.Linear(2, 2).parameters())
 """
 """A camera, then an optimiser, as an agent with a camera makes them."""
