@@ -20,7 +20,7 @@ SKIP = 4
 REWARD = 0.05
 """Factor on rewards, so that the values of states are of order 1."""
 MILD = {"collision": 30.0, "off_road": 30.0, "red_light": 30.0}
-"""Costs in training: milder, or standing pays most; equal, or leaving the road ends a red light."""
+"""Costs in training: milder, or standing pays most; equal, or it leaves the road before a red light."""
 
 
 def drive_env(
