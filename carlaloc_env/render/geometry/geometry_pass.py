@@ -111,6 +111,7 @@ class GeometryPass:
         give_back_mapped_pages(albedo)
         self._surface = surface_table()
         self._blocks, self._variety = block_tables()
+        self._ready: dict[tuple[str, ...], moderngl.Program] = {}
         self._flush_target = context.simple_framebuffer((1, 1))
 
     def simplified(self, instances: Instances, view: CameraView) -> Instances:
@@ -174,6 +175,7 @@ class GeometryPass:
         context = self._context
         targets.framebuffer.use()
         targets.clear()
+        self._textures.use(0)
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = "<"
         # The picture is drawn upside down in OpenGL's eyes, which turns the triangles round.
@@ -270,6 +272,22 @@ class GeometryPass:
         return seen[np.argsort(distance[seen], kind="stable")]
 
     def _program(self, view: CameraView, sway: Sway, *features: str) -> moderngl.Program:
+        if any(sway[:3]):
+            features = ("SWAY", *features)
+        if features not in self._ready:
+            self._ready[features] = self._with_tables(features)
+        program = self._ready[features]
+        set_uniforms(
+            program,
+            u_eye=tuple(view.position_m),
+            u_rotation=view.R_camera_world.T.astype("<f4").tobytes(),
+            u_clip=view.clip_scale,
+            u_sway=sway,
+        )
+        return program
+
+    def _with_tables(self, features: tuple[str, ...]) -> moderngl.Program:
+        """A program with what is the same in every picture."""
         defines = (
             f"MATERIALS {len(self._surface)}",
             f"CAR_PAINT {int(Material.CAR_PAINT)}u",
@@ -282,22 +300,15 @@ class GeometryPass:
             f"RUBBLE {int(Material.RUBBLE)}u",
             f"UNIT_M {float(self._unit_m)}",
             f"LEVEL_FROM {LEVEL_FROM}",
-            *(("SWAY",) if any(sway[:3]) else ()),
-            *features,
         )
-        program = self._programs.get("gbuffer.vert", "gbuffer.frag", *defines)
-        self._textures.use(0)
+        program = self._programs.get("gbuffer.vert", "gbuffer.frag", *defines, *features)
         set_uniforms(
             program,
             u_textures=0,
-            u_eye=tuple(view.position_m),
-            u_rotation=view.R_camera_world.T.astype("<f4").tobytes(),
-            u_clip=view.clip_scale,
             u_range=DEPTH_RANGE,
             u_surface=self._surface.tobytes(),
             u_blocks=self._blocks.tobytes(),
             u_variety=self._variety.tobytes(),
-            u_sway=sway,
         )
         return program
 
