@@ -25,7 +25,7 @@ KEPT = 20_000  # actions between two savings
 
 def main(
     out: Path, towns: Sequence[str] = ("Town01",), route: str = "town", sees: str = "state", seed: int = 0,
-    steps: int = 160_000, abreast: int = 8, processes: bool = False, begin_with: Path | None = None,
+    steps: int = 250_000, abreast: int = 8, processes: bool = False, begin_with: Path | None = None,
     without: Sequence[str] = (), scored: int = 50, time_limit_s: float = 100.0, **parameters: float,
 ) -> float:  # fmt: skip
     """Learn from drives abreast, save the agent, and return its route completion in the first town."""

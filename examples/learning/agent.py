@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from learning.eyes import Eyes
 from learning.others import OwnAndOthers
 
-PARAMETERS = {"n_steps": 128, "batch_size": 128, "learning_rate": LinearSchedule(1e-3, 1e-4, 0.9)}
+PARAMETERS = {"n_steps": 256, "batch_size": 128, "learning_rate": LinearSchedule(1e-3, 1e-4, 0.9)}
 """Parameters of PPO; all others are the library's defaults. A rate that stays high loses what it found."""
 LOOKING = {**PARAMETERS, "n_epochs": 5, "learning_rate": LinearSchedule(5e-4, 5e-5, 0.9)}
 """The same for an agent that sees pictures."""
