@@ -181,9 +181,8 @@ class GeometryPass:
         # The picture is drawn upside down in OpenGL's eyes, which turns the triangles round.
         context.front_face = "cw"
         context.cull_face = "back"
-        programs = {
-            layer.features: self._program(plan.view, sway, *layer.features) for layer in self.scenery.layers
-        }
+        sorts = dict.fromkeys(layer.features for layer in self.scenery.layers)
+        programs = {features: self._program(plan.view, sway, *features) for features in sorts}
         hidden: Depths | None = None
         culler = TriangleCuller(plan.view)
         for now, part in enumerate(plan.rounds):
