@@ -72,6 +72,8 @@ def _fault(node: ast.AST, compiled: bool) -> str | None:
             return None if len(args) > 1 or any(k.arg == "axis" for k in keywords) else "norm without axis"
         case ast.ImportFrom(module=str(module), names=names):
             wrong = [one.name for one in names if one.name in REFUSED and module in ("math", "numpy")]
+            # SciPy takes a Gaussian's weights from `np.exp`.
+            wrong += [one.name for one in names if module == "scipy.ndimage" and "gaussian" in one.name]
             return f"{module}.{wrong[0]}" if wrong else module if module.startswith(LIBRARIES) else None
     return None
 
@@ -100,6 +102,7 @@ def test_nothing_rounds_by_the_processor() -> None:
             "np.polynomial.legendre.leggauss(10)",
         ),
         "from scipy.sparse.linalg import spsolve",
+        "from scipy.ndimage import gaussian_filter",
     ],
 )
 def test_each_way_to_break_the_rule_is_seen(code: str) -> None:

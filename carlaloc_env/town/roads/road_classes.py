@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import correlate1d
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core import elementary
@@ -46,13 +46,23 @@ def road_levels(roads: Sequence[Road], config: TownConfig) -> LevelGrid | None:
     shape = np.ceil((points.max(axis=0) - low) / cell + 4.0).astype(int)
     i, j = np.indices(shape).reshape(2, -1)
     _, nearest = cKDTree(points).query(low + np.stack([i, j], axis=-1) * cell)
-    grid = gaussian_filter(level[nearest].reshape(shape), BLEND_M / cell, mode="nearest")
+    grid = _blend(level[nearest].reshape(shape), BLEND_M / cell)
     return LevelGrid((float(low[0]), float(low[1])), cell, config.road_roughness * elementary.exp(grid))
 
 
 def is_even(road: Road) -> bool:
     """Whether a road is laid as evenly as a motorway."""
     return road.type == "motorway" or road_limit_mps(road) >= FAST_MPS
+
+
+def _blend(grid: Array, sigma: float) -> Array:
+    """A Gaussian filter, sigma in cells; the weights of SciPy's own differ by processor, as `np.exp` does."""
+    reach = int(4.0 * sigma + 0.5)
+    weights = elementary.exp(-0.5 / (sigma * sigma) * np.arange(-reach, reach + 1) ** 2)
+    weights /= weights.sum()
+    for axis in (0, 1):
+        grid = correlate1d(grid, weights, axis, mode="nearest")
+    return grid
 
 
 def _samples(roads: Sequence[Road]) -> tuple[Array, Array]:
