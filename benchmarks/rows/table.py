@@ -39,7 +39,7 @@ ROWS: dict[str, Callable[[Bench], Row]] = {
     "learn_state_full": learn("state", 400.0, "dynamic", "learn_state_full"),
     "learn_bev": learn("bev", 300.0),
     "learn_lidar": learn("lidar", 25.0),
-    "learn_camera": learn("camera", 100.0),
+    "learn_camera": learn("camera", 120.0),
     "learn_vector": learn_vector,
     "learn_memory": learn_memory,
     "learn_make": learn_make,

@@ -16,9 +16,9 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from learning.eyes import Eyes
 from learning.others import OwnAndOthers
 
-PARAMETERS = {"n_steps": 256, "batch_size": 128, "learning_rate": LinearSchedule(1e-3, 1e-4, 0.9)}
-"""Parameters of PPO; all others are the library's defaults. A rate that stays high loses what it found."""
-LOOKING = {**PARAMETERS, "n_epochs": 5, "learning_rate": LinearSchedule(5e-4, 5e-5, 0.9)}
+CHOSEN = {"n_steps": 256, "gamma": 0.97, "gae_lambda": 0.9, "learning_rate": LinearSchedule(1e-3, 1e-4, 0.9)}
+"""Parameters of PPO; all others are the library's defaults. An action answers for about the next 7 s."""
+LOOKING = {**CHOSEN, "n_epochs": 5, "learning_rate": LinearSchedule(5e-4, 5e-5, 0.9)}
 """The same for an agent that sees pictures."""
 POLICY = {"log_std_init": -1.2, "net_arch": {"pi": [], "vf": [64, 64]}}
 """Actions are a linear function of the inputs, and spread by e to the power -1.2 at first, not by 1."""
@@ -28,10 +28,11 @@ def new_agent(env: VecEnv, seed: int = 0, **parameters: Any) -> PPO:
     """An agent that knows nothing; with a plain vector as observation, the library's defaults."""
     if not isinstance(env.observation_space, Dict):
         return PPO("MlpPolicy", env, seed=seed, device="cpu", **parameters)
-    seen = VecNormalize(env, norm_obs_keys=["own"], norm_reward=False, clip_obs=5.0)
+    seen = VecNormalize(env, norm_obs_keys=["own"], norm_reward=False, clip_obs=5.0, epsilon=0.01)
     looks = "picture" in env.observation_space.spaces
     kind = {**POLICY, "features_extractor_class": Eyes if looks else OwnAndOthers}
-    settings = {**(LOOKING if looks else PARAMETERS), **parameters}
+    settings = {**(LOOKING if looks else CHOSEN), **parameters}
+    settings.setdefault("batch_size", settings["n_steps"] * env.num_envs // 4)
     return PPO("MultiInputPolicy", seen, policy_kwargs=kind, seed=seed, device="cpu", **settings)
 
 
@@ -39,8 +40,7 @@ def act(agent: PPO, seen: Any) -> NDArray[np.float32]:
     """The action that the agent thinks best."""
     inputs = agent.get_vec_normalize_env()
     known = seen if inputs is None else inputs.normalize_obs(seen)
-    action: NDArray[np.float32] = agent.predict(known, deterministic=True)[0]
-    return action
+    return np.asarray(agent.predict(known, deterministic=True)[0])
 
 
 def save(agent: PPO, path: Path) -> Path:
