@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -175,3 +176,12 @@ def test_failures_are_counted_by_condition_each_reason_once() -> None:
     assert table.to_numpy().tolist() == [
         ["KISS-ICP", "Town01", "ClearNoon static", "3 of 4", "lost; too slow"]
     ]
+
+
+def test_the_pages_hold_what_the_kept_results_give() -> None:
+    docs = SCRIPT.parents[1]
+    page = (docs / findings.PAGE).read_text(encoding="utf-8")
+    (command,) = re.findall(r"`python docs/findings/findings\.py((?: docs/findings/\w+)+)`", page)
+    runs = findings.read_results([docs.parent / folder / "results.csv" for folder in command.split()])
+    assert findings.markdown_table(findings.answers_table(runs)) in page
+    assert findings.findings_text(runs) in (docs / findings.FIGURES).read_text(encoding="utf-8")
