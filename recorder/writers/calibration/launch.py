@@ -70,7 +70,11 @@ def lego_loam_launch(lidar: LidarCalibration, topics: TopicProfile) -> str:
     }
     text = "".join(_node("tf", "static_transform_publisher", name, args=args) for name, args in turns.items())
     for name in ("imageProjection", "featureAssociation", "mapOptmization", "transformFusion"):
-        text += _node("lego_loam", name, name, _points(name, lidar, topics))
+        inside = _points(name, lidar, topics)
+        if name == "featureAssociation":
+            # It takes attitudes from there, and an IMU without an attitude states none.
+            inside += _renamed({"/imu/data": "/imu/with_attitude"})
+        text += _node("lego_loam", name, name, inside)
     return _launch(text)
 
 
