@@ -49,6 +49,11 @@ def test_open_vins_reads_its_three_files_by_opencv(folder: Path) -> None:
 
     main = opened("estimator_config.yaml")
     assert main.getNode("max_cameras").real() == 2
+    # It reads them though it uses no tags and starts at rest, and ends where one is missing.
+    dynamic = "bias_a bias_g inflation_ba inflation_bg inflation_ori inflation_vel min_deg min_rec_cond"
+    names = [f"init_dyn_{name}" for name in f"{dynamic} mle_max_iter mle_max_time num_pose".split()]
+    for name in (*names, "num_aruco", "up_aruco_sigma_px", "record_timing_filepath"):
+        assert not main.getNode(name).empty(), name
     cameras = opened(main.getNode("relative_config_imucam").string())
     for k, side in enumerate(("left", "right")):
         camera = cameras.getNode(f"cam{k}")
