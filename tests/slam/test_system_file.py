@@ -95,7 +95,7 @@ def test_launch_files_that_we_name_lie_in_datasets() -> None:
     for path in EXTERNAL.glob("*.yaml"):
         for word in getattr(read_system_file(path).ros1, "command", ()):
             named |= {word.removeprefix("{calibration}/")} if word.startswith("{calibration}/") else set()
-    assert len(named) == 6
+    assert len(named) == 7
     for name in named:
         launch = ElementTree.fromstring(texts[name])
         assert {node.get("required") for node in launch.iter("node")} == {"true"}

@@ -69,6 +69,7 @@ def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, st
     if stereo:
         texts["orbslam3_stereo.yaml"] = orbslam3_yaml(rig, inertial=False)
         texts["vins_fusion/stereo.yaml"] = vins_yaml(rig, topics, inertial=False)
+        texts["vins_fusion/stereo.launch"] = vins_launch("stereo.yaml")
         for k, camera in enumerate(rig.cameras[:2]):
             texts[f"vins_fusion/cam{k}.yaml"] = vins_camera_yaml(camera)
     if stereo and rig.imu is not None:
@@ -76,7 +77,7 @@ def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, st
         texts["vins_fusion/stereo_inertial.yaml"] = vins_yaml(rig, topics, inertial=True)
         texts["s_msckf/camchain-imucam.yaml"] = s_msckf_yaml(rig)
         texts |= {f"open_vins/{name}": text for name, text in open_vins_texts(rig, topics).items()}
-        texts["vins_fusion/stereo_inertial.launch"] = vins_launch()
+        texts["vins_fusion/stereo_inertial.launch"] = vins_launch("stereo_inertial.yaml")
         texts["s_msckf/s_msckf.launch"] = s_msckf_launch(rig, topics)
         texts["open_vins/open_vins.launch"] = open_vins_launch()
     if rig.imu is not None and rig.cameras and basalt_fits(rig):

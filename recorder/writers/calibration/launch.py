@@ -26,18 +26,17 @@ _S_MSCKF_IMAGES = {"grid_row": 4, "grid_col": 5, "grid_max_feature_num": 4, "ran
 
 
 def fast_lio_launch() -> str:
-    """FAST-LIO2 with ``fast_lio.yaml``."""
+    """FAST-LIO2 with ``fast_lio.yaml``; ``features:=true`` makes it extract features."""
     params = {
-        "feature_extract_enable": False,
+        "feature_extract_enable": "$(arg features)",
         "point_filter_num": 4,
         "max_iteration": 3,
         "filter_size_surf": 0.5,
         "filter_size_map": 0.5,
         "cube_side_length": 1000.0,
     }
-    return _launch(
-        _load("fast_lio.yaml") + _params(params) + _node("fast_lio", "fastlio_mapping", "laserMapping")
-    )
+    text = '<arg name="features" default="false" />\n' + _load("fast_lio.yaml") + _params(params)
+    return _launch(text + _node("fast_lio", "fastlio_mapping", "laserMapping"))
 
 
 def a_loam_launch(lidar: LidarCalibration, topics: TopicProfile) -> str:
@@ -71,13 +70,17 @@ def lego_loam_launch(lidar: LidarCalibration, topics: TopicProfile) -> str:
     }
     text = "".join(_node("tf", "static_transform_publisher", name, args=args) for name, args in turns.items())
     for name in ("imageProjection", "featureAssociation", "mapOptmization", "transformFusion"):
-        text += _node("lego_loam", name, name, _points(name, lidar, topics))
+        inside = _points(name, lidar, topics)
+        if name == "featureAssociation":
+            # It takes attitudes from there, and an IMU without an attitude states none.
+            inside += _renamed({"/imu/data": "/imu/with_attitude"})
+        text += _node("lego_loam", name, name, inside)
     return _launch(text)
 
 
-def vins_launch() -> str:
-    """VINS-Fusion's estimator with ``stereo_inertial.yaml``."""
-    return _launch(_node("vins", "vins_node", "vins_estimator", args="$(dirname)/stereo_inertial.yaml"))
+def vins_launch(settings: str) -> str:
+    """VINS-Fusion's estimator with a settings file beside it."""
+    return _launch(_node("vins", "vins_node", "vins_estimator", args=f"$(dirname)/{settings}"))
 
 
 def open_vins_launch() -> str:

@@ -68,6 +68,25 @@ init_imu_thresh: 0.5
 init_max_disparity: 10.0
 init_max_features: 75
 init_dyn_use: false
+# Not used, but it ends where one is missing.
+init_dyn_mle_opt_calib: false
+init_dyn_mle_max_iter: 50
+init_dyn_mle_max_time: 0.05
+init_dyn_mle_max_threads: 6
+init_dyn_num_pose: 6
+init_dyn_min_deg: 10.0
+init_dyn_inflation_ori: 10
+init_dyn_inflation_vel: 100
+init_dyn_inflation_bg: 10
+init_dyn_inflation_ba: 100
+init_dyn_min_rec_cond: 1e-12
+init_dyn_bias_g: [0.0, 0.0, 0.0]
+init_dyn_bias_a: [0.0, 0.0, 0.0]
+num_aruco: 1024
+downsize_aruco: true
+up_aruco_sigma_px: 1
+up_aruco_chi2_multipler: 1
+record_timing_filepath: "/tmp/traj_timing.txt"
 
 record_timing_information: false
 save_total_state: false

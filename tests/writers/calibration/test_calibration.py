@@ -85,6 +85,7 @@ def test_files(folder: Path) -> None:
         "s_msckf/s_msckf.launch",
         "vins_fusion/cam0.yaml",
         "vins_fusion/cam1.yaml",
+        "vins_fusion/stereo.launch",
         "vins_fusion/stereo.yaml",
         "vins_fusion/stereo_inertial.launch",
         "vins_fusion/stereo_inertial.yaml",

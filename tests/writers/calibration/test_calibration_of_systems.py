@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geometry.lens_distortion import Lens
 from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.samples import Imu
 from recorder.writers.calibration.files import calibration_texts, write_calibration
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.topics import STANDARD
@@ -48,6 +49,11 @@ def test_open_vins_reads_its_three_files_by_opencv(folder: Path) -> None:
 
     main = opened("estimator_config.yaml")
     assert main.getNode("max_cameras").real() == 2
+    # It reads them though it uses no tags and starts at rest, and ends where one is missing.
+    dynamic = "bias_a bias_g inflation_ba inflation_bg inflation_ori inflation_vel min_deg min_rec_cond"
+    names = [f"init_dyn_{name}" for name in f"{dynamic} mle_max_iter mle_max_time num_pose".split()]
+    for name in (*names, "num_aruco", "up_aruco_sigma_px", "record_timing_filepath"):
+        assert not main.getNode(name).empty(), name
     cameras = opened(main.getNode("relative_config_imucam").string())
     for k, side in enumerate(("left", "right")):
         camera = cameras.getNode(f"cam{k}")
@@ -121,6 +127,15 @@ def test_a_loam(folder: Path) -> None:
     assert values["scan_line"] == "32"
     (remap,) = launch.iter("remap")
     assert (remap.get("from"), remap.get("to")) == ("/velodyne_points", "/lidar/points")
+
+
+def test_lego_loam_reads_the_lidar_alone(folder: Path) -> None:
+    """Its topics are compiled in; on /imu/data it takes an attitude, which our IMU does not state."""
+    launch = ElementTree.fromstring((folder / "lego_loam.launch").read_text())
+    renamed = {remap.get("from"): remap.get("to") for remap in launch.iter("remap")}
+    assert renamed.pop("/velodyne_points") == "/lidar/points"
+    assert renamed.keys() == {"/imu/data"}
+    assert renamed["/imu/data"] != STANDARD.topic(Imu, IMU)
 
 
 def test_lenses_that_a_system_has_no_model_for_leave_its_file_out() -> None:
