@@ -175,7 +175,7 @@ def plan_jobs(
 
     Where the weather does not matter to the LiDAR, its sweeps are the same bytes in all weathers, so that
     systems without cameras run in the first of them. Clouds and images without movers are taken of dynamic
-    sequences with labels.
+    sequences with labels, for systems that can be given them.
 
     Args:
         sequences: Where to run.
@@ -194,7 +194,7 @@ def plan_jobs(
                 seen.add(alike)
             for cloud in clouds:
                 labelled = sequence.masked if system.is_visual else sequence.labelled
-                if cloud == SEGMENTED and (sequence.is_static or not labelled):
+                if cloud == SEGMENTED and (sequence.is_static or not labelled or not system.takes_seg):
                     continue
                 jobs += [
                     Job(sequence=sequence, method=word, system=system, cloud=cloud, run=run + 1)

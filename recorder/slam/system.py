@@ -86,6 +86,8 @@ class System:
     """Environment variable that names a file without which it does not start."""
     file_hint: str = ""
     """How to get that file."""
+    takes_seg: bool = True
+    """Whether movers can be kept from it; a program that reads files gets them as they are."""
     alignment: Alignment = Alignment.SE3
     """Fit before errors are measured; never scale for stereo, LiDAR or inertial systems."""
 

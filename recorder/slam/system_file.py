@@ -71,6 +71,7 @@ class SystemFile:
             frame=self.frame,
             instant=_INSTANTS[self.instant],
             instant_source=self.instant_source,
+            takes_seg=self.ros1 is not None and "lidar" in self.needs,
         )
 
     def run(self, sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -136,6 +137,8 @@ def test_sweeps_that_no_weather_changes_are_run_once_and_seg_only_where_somethin
     ]  # fmt: skip
     visual = plan_jobs(found, [("a", SYSTEMS["stereo_vo"])], runs=1, clouds=("raw", "seg"))
     assert len(visual) == 3
+    program = replace(SYSTEMS["kiss_icp"], takes_seg=False)
+    assert {job.cloud for job in plan_jobs(found, [("a", program)], runs=1, clouds=("raw", "seg"))} == {"raw"}
 
 
 def test_clouds_without_labels_are_not_asked_for_less_movers(tmp_path: Path) -> None:

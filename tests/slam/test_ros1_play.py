@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 from shared_fixtures.processes.external_programs import SYSTEM_PYTHON, missing_ros
-from shared_fixtures.readings.slam_dataset import write_dataset
+from shared_fixtures.readings.slam_dataset import SWEEP_NS, sweep, write_dataset
 
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 from recorder.benchmark.score import Score
 
@@ -60,6 +61,11 @@ HIDING = """answer(cloud)
                  "time.sleep(600)"]
         code = chr(10).join(words)
         subprocess.Popen(["sh", "-c", '"$@" & exit', "sh", sys.executable, "-c", code, sys.argv[2]])"""
+READING_LABELS = """answer(cloud)
+    at = [field.offset for field in cloud.fields if field.name == "label"][0]
+    labels = sorted(set(cloud.data[at::cloud.point_step]))
+    count = len(cloud.data) // cloud.point_step
+    open(sys.argv[2], "a").write(f"{cloud.width} {count} {labels}" + chr(10))"""
 LAUNCH = """
 <launch>
     <node pkg="rosout" type="rosout" name="another"
@@ -83,7 +89,7 @@ def data(tmp_path: Path) -> Path:
     return root
 
 
-def played(data: Path, does: str, *, command: str = "", options: str = "") -> Score:
+def played(data: Path, does: str, *, command: str = "", options: str = "", cloud: str = "raw") -> Score:
     """Score of a node that does so with each sweep."""
     folder = data.parent
     (folder / "node.py").write_text(NODE.replace("DOES", does))
@@ -94,7 +100,7 @@ def played(data: Path, does: str, *, command: str = "", options: str = "") -> Sc
         f"remap: {{/lidar/points: /velodyne_points}}, {options} command: {command or words}}}}}"
     )
     config = BenchmarkConfig(
-        data=data, out=folder / "out", methods=(str(folder / "slow.yaml"),), clouds=("raw",)
+        data=data, out=folder / "out", methods=(str(folder / "slow.yaml"),), clouds=(cloud,)
     )
     (score,) = run_benchmark(config).scores
     return score
@@ -115,6 +121,14 @@ def test_a_node_that_computes_long_for_one_sweep_drops_none(data: Path) -> None:
     score = played(data, COMPUTING, options="patience_s: 0.3,")
     assert (score.failed, score.coverage) == (None, 1.0)
     assert score.cpu_s > 3.5
+
+
+def test_seg_clouds_come_without_the_points_on_movers(data: Path) -> None:
+    score = played(data, READING_LABELS, cloud="seg")
+    assert (score.failed, score.coverage, score.cloud) == (None, 1.0, "seg")
+    told = [line.split(maxsplit=2) for line in (data.parent / "pid").read_text().splitlines()]
+    houses = [int((sweep(k * SWEEP_NS).tag == Tag.BUILDING).sum()) for k in range(SWEEPS)]
+    assert told == [[str(count), str(count), f"[{int(Tag.BUILDING)}]"] for count in houses]
 
 
 def test_a_node_that_answers_every_second_sweep_sees_all(data: Path) -> None:

@@ -83,6 +83,7 @@ def test_files_beside_it_are_named_by_its_folder(tmp_path: Path) -> None:
 def test_files_that_we_give_are_read(path: Path) -> None:
     found = read_system_file(path)
     assert found.name == path.stem
+    assert found.system.takes_seg == (found.ros1 is not None and found.system.sensor == "lidar")
     assert found.instant_source != "its settings"
 
 

@@ -1,6 +1,7 @@
 """Feeds a bag to a ROS 1 node in lock-step and keeps the poses that it publishes.
 
-play.py BAG OUT_BAG POSES PACE [--remap FROM=TO …] [--patience S] [--silence S] -- COMMAND…
+play.py BAG OUT_BAG POSES PACE [--remap FROM=TO …] [--without LABEL …] [--patience S] [--silence S]
+        -- COMMAND…
 
 Starts a master of its own, so that several runs share the machine, and the command (roslaunch, or a node),
 publishes the topics of the bag that it reads, and after each message on PACE waits for poses by the rule of
@@ -32,10 +33,12 @@ except ImportError as missing:
     sys.exit(f"{sys.executable} has no {missing.name}; apt-get install ros-core python3-rosbag")
 
 if TYPE_CHECKING:
+    from recorder.slam.ros1.labels import without_labels
     from recorder.slam.ros1.lock_step import LockStep, SilentError
     from recorder.slam.ros1.node import GoneError, Node
 else:
     # Beside this file: the system's Python does not know our packages.
+    from labels import without_labels
     from lock_step import LockStep, SilentError
     from node import GoneError, Node
 
@@ -51,6 +54,7 @@ def play(bag: Any, node: Node, arguments: argparse.Namespace) -> None:
     Raises:
         GoneError: the node has ended or subscribes to nothing.
         SilentError: it hangs.
+        ValueError: clouds have no labels by which to take points out.
     """
     topics = list(bag.get_type_and_topic_info().topics)
     if arguments.pace not in topics:
@@ -66,6 +70,8 @@ def play(bag: Any, node: Node, arguments: argparse.Namespace) -> None:
     steps = LockStep(node, patience_s=arguments.patience, silence_s=arguments.silence)
     for topic, message, at in bag.read_messages(topics=list(publishers)):
         clock.publish(at)
+        if topic == arguments.pace and arguments.without:
+            without_labels(message, arguments.without)
         publishers[topic].publish(message)
         if topic == arguments.pace:
             steps.sent(message.header.stamp.to_sec())
@@ -108,6 +114,13 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--remap", action="append", default=[], metavar="FROM=TO", help="name that the node has for a topic"
     )
+    parser.add_argument(
+        "--without",
+        type=int,
+        action="append",
+        metavar="LABEL",
+        help="label of points of the pace to leave out",
+    )
     parser.add_argument("--patience", type=float, default=2.0, help="longest wait for a node at rest [s]")
     parser.add_argument("--silence", type=float, default=60.0, help="longest time without poses [s]")
     parser.add_argument("command", nargs="+")
@@ -120,7 +133,7 @@ def main(words: Sequence[str] | None = None) -> None:
             play(bag, node, arguments)
     except OSError as error:
         sys.exit(f"cannot start {error.filename}: {error.strerror}; install it")
-    except (GoneError, SilentError) as error:
+    except (GoneError, SilentError, ValueError) as error:
         sys.exit(str(error))
     if not node.messages:
         sys.exit(f"no message came on {arguments.poses}")

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, unknown_name
-from recorder.dataset.sequence import SlamSequence
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
+from recorder.dataset.sequence import SEGMENTED, SlamSequence
 from recorder.slam.keeper import kept
 from recorder.slam.runners.command import filled, poses_in, program_path
 from recorder.slam.system import FrameClock, StampedPose
@@ -80,19 +81,20 @@ class Ros1Node:
         with tempfile.TemporaryDirectory() as folder:
             out, work = Path(folder, "poses.bag"), Path(folder, "work")
             work.mkdir()
-            words = filled(self._player, sequence, {"{out_bag}": out, "{work}": work})
+            words = filled(self._player(sequence.cloud), sequence, {"{out_bag}": out, "{work}": work})
             clock.due = sequence.frames(sensor) // self.every
             with clock.frame(clock.due):
                 _play(words)
             return poses_in(out, topic=self.poses)
 
-    @property
-    def _player(self) -> list[str]:
+    def _player(self, cloud: str) -> list[str]:
         python = os.environ.get(PYTHON, "/usr/bin/python3")
         words = [python, str(_PLAYER), "{bag}", "{out_bag}", self.poses, self.pace]
         words += ["--patience", f"{self.patience_s:g}", "--silence", f"{self.silence_s:g}"]
         for topic, name in self.remap.items():
             words += ["--remap", f"{topic}={name}"]
+        if cloud == SEGMENTED:
+            words += [f"--without={tag:d}" for tag in sorted(DYNAMIC_TAGS)]
         return [*words, "--", *self.command]
 
 
