@@ -6,6 +6,11 @@ import re
 from collections.abc import Collection
 from typing import Any
 
+
+class UnlabelledError(Exception):
+    """Clouds have no labels by which points could be left out."""
+
+
 _KEPT_RUN = re.compile(rb"\x01+")
 
 
@@ -17,11 +22,11 @@ def without_labels(cloud: Any, labels: Collection[int]) -> None:
         labels: Values of its field ``label``, one byte.
 
     Raises:
-        ValueError: it has no such field.
+        UnlabelledError: it has no such field.
     """
     offsets = [field.offset for field in cloud.fields if field.name == "label"]
     if not offsets:
-        raise ValueError("the bag has clouds without labels; replay with --topics standard for seg clouds")
+        raise UnlabelledError("the bag's clouds have no labels; replay with --topics standard for seg clouds")
     step, data = cloud.point_step, bytes(cloud.data)
     kept = data[offsets[0] :: step].translate(bytes(value not in labels for value in range(256)))
     runs = [run.span() for run in _KEPT_RUN.finditer(kept)]

@@ -33,12 +33,12 @@ except ImportError as missing:
     sys.exit(f"{sys.executable} has no {missing.name}; apt-get install ros-core python3-rosbag")
 
 if TYPE_CHECKING:
-    from recorder.slam.ros1.labels import without_labels
+    from recorder.slam.ros1.labels import UnlabelledError, without_labels
     from recorder.slam.ros1.lock_step import LockStep, SilentError
     from recorder.slam.ros1.node import GoneError, Node
 else:
     # Beside this file: the system's Python does not know our packages.
-    from labels import without_labels
+    from labels import UnlabelledError, without_labels
     from lock_step import LockStep, SilentError
     from node import GoneError, Node
 
@@ -54,7 +54,7 @@ def play(bag: Any, node: Node, arguments: argparse.Namespace) -> None:
     Raises:
         GoneError: the node has ended or subscribes to nothing.
         SilentError: it hangs.
-        ValueError: clouds have no labels by which to take points out.
+        UnlabelledError: clouds have no labels by which to take points out.
     """
     topics = list(bag.get_type_and_topic_info().topics)
     if arguments.pace not in topics:
@@ -133,7 +133,7 @@ def main(words: Sequence[str] | None = None) -> None:
             play(bag, node, arguments)
     except OSError as error:
         sys.exit(f"cannot start {error.filename}: {error.strerror}; install it")
-    except (GoneError, SilentError, ValueError) as error:
+    except (GoneError, SilentError, UnlabelledError) as error:
         sys.exit(str(error))
     if not node.messages:
         sys.exit(f"no message came on {arguments.poses}")
