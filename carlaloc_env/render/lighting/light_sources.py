@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import cross
-from carlaloc_env.render.lighting.low_beam import low_beam_cd
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary
 
@@ -270,31 +269,26 @@ def street_lamps(lamps_m: Array) -> Lights:
     )
 
 
-def beam_gain(lights: Lights, one: int, direction: Array) -> Array:
-    """Intensity in directions from one of the lights, as a factor of its `colour_cd`, shape (N,).
+def batwing_gain(ahead: Any, begin: Any, full: Any, cap: Any) -> Any:
+    """Intensity of a lamp that is no low beam, as a factor of its `colour_cd`; numbers or arrays.
 
-    A batwing (a full cut-off luminaire lights the road evenly) that ends between two cosines, or a low beam.
-    The shaders have the same formulas in `shade.frag`.
+    A full cut-off luminaire lights the road evenly. The shaders have the same formula in `shade.frag`.
 
     Args:
-        lights: Lights.
-        one: Which of them.
-        direction: Unit vectors from the light, world axes, shape (N, 3).
+        ahead: Cosine of the direction to the axis.
+        begin: Cosine at which the light begins.
+        full: Cosine from which on there is all of it.
+        cap: Most that it gains.
     """
-    ahead = np.sum(direction * lights.axis[one], axis=1)
-    if lights.beam[one]:
-        left = np.sum(direction * lights.left[one], axis=1)
-        up = np.sum(direction * cross(lights.axis[one], lights.left[one]), axis=1)
-        return np.asarray(low_beam_cd(ahead, left, up), dtype=np.float64)
-    begin, full = lights.edge[one]
-    t = np.clip((ahead - begin) / (full - begin), 0.0, 1.0)
-    gain = np.minimum(1.0 / (np.maximum(ahead, 0.0) ** 3 + 1e-3), lights.cap[one])
-    return np.asarray(gain * t * t * (3.0 - 2.0 * t))
+    t = np.minimum(np.maximum((ahead - begin) / (full - begin), 0.0), 1.0)
+    above = np.maximum(ahead, 0.0)
+    return np.minimum(1.0 / (above * above * above + 1e-3), cap) * t * t * (3.0 - 2.0 * t)
 
 
-def range_window(ratio2: Array) -> Array:
+def range_window(ratio2: Any) -> Any:
     """Factor that fades a light out at its range, by the squared ratio of distance and range."""
-    return np.asarray(np.maximum(1.0 - ratio2 * ratio2, 0.0) ** 2)
+    left = np.maximum(1.0 - ratio2 * ratio2, 0.0)
+    return left * left
 
 
 def nearest(lights: Lights, eye_m: Array, most: int = MOST_LIGHTS) -> Lights:

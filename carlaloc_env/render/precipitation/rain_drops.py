@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.geometry.transforms import cross
 from carlaloc_env.render.geometry.projection import CameraView
-from carlaloc_env.render.lighting.light_sources import LAMP_LEAST_M, Lights, beam_gain, range_window
+from carlaloc_env.render.lighting.light_sources import Lights
+from carlaloc_env.render.precipitation.drop_kernels import drops_in_cells, light_drops
 from carlaloc_env.weather.parameters import WeatherParameters
 
 CELL_M = 1.0
@@ -112,9 +114,9 @@ def rain_streaks(
 
 def _lattice(view: CameraView, drift_m: Array, density: float, range_m: float, key: int) -> Array:
     """Drops of one size inside a view [m from the eye], shape (N, 3)."""
-    planes = view.planes()
-    normals = np.concatenate([planes[:, :3], view.R_camera_world[2:], -view.R_camera_world[2:]])
-    offsets = np.array([_AROUND_M] * 4 + [-NEAR_M, range_m])
+    ahead = view.R_camera_world[2:]
+    normals = np.concatenate([view.planes()[:, :3], ahead, -ahead])
+    planes = np.column_stack([normals, [_AROUND_M] * 4 + [-NEAR_M, range_m]])
     sx, sy, ox, oy = view.clip_scale
     corners = np.array(
         [[(i - ox) / sx, (j - oy) / sy, 1.0] for i in (-1, 1) for j in (-1, 1)] + [[0.0, 0.0, 0.0]]
@@ -123,31 +125,11 @@ def _lattice(view: CameraView, drift_m: Array, density: float, range_m: float, k
     home = view.position_m - drift_m
     low = np.floor((home + corners.min(axis=0) - _AROUND_M) / CELL_M).astype(np.int64)
     high = np.floor((home + corners.max(axis=0) + _AROUND_M) / CELL_M).astype(np.int64)
-    cells = np.stack(
-        np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True)), indexing="ij"), axis=-1
-    ).reshape(-1, 3)
-    # Half of a cell's diagonal is 0.87.
-    middles = cells + 0.5 - home
-    cells = cells[np.all(np.sum(middles[:, None] * normals, axis=2) + offsets > -0.87, axis=1)]
-    h = np.full(len(cells), key, np.uint32)
-    for axis in range(3):
-        h = _mixed(h ^ cells[:, axis].astype(np.uint32))
     most = math.ceil(density)
-    lots = _mixed(h[:, None] + np.arange(most, dtype=np.uint32) * np.uint32(0x9E3779B9))
-    owner, drop = np.nonzero(lots < np.uint32(min(density / max(most, 1), 1.0) * (2**32 - 1)))
-    lot = lots[owner, drop]
-    places = np.empty((len(owner), 3))
-    for axis in range(3):
-        lot = _mixed(lot + np.uint32(0x85EBCA6B))
-        places[:, axis] = (cells[owner, axis] + lot * 2.0**-32) - home[axis]
-    return np.asarray(places[np.all(np.sum(places[:, None] * normals, axis=2) + offsets > 0.0, axis=1)])
-
-
-def _mixed(x: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Hash of numbers."""
-    x = (x ^ (x >> np.uint32(16))) * np.uint32(0x7FEB352D)
-    x = (x ^ (x >> np.uint32(15))) * np.uint32(0x846CA68B)
-    return np.asarray(x ^ (x >> np.uint32(16)))
+    places = np.empty((int(np.prod(high - low + 1)) * most, 3))
+    below = np.uint32(min(density / max(most, 1), 1.0) * (2**32 - 1))
+    count = drops_in_cells(places, low, high, home, planes, np.uint32(key), most, below)
+    return places[:count]
 
 
 def lit(streaks: Streaks, eye_m: Array, sky_cd_m2: Array, lights: Lights) -> Array:
@@ -165,14 +147,17 @@ def lit(streaks: Streaks, eye_m: Array, sky_cd_m2: Array, lights: Lights) -> Arr
     reach = np.sqrt(np.sum((lights.position_m - eye_m) ** 2, axis=1)) < lights.range_m + 6.0
     near = lights.take(np.flatnonzero(reach)[:MOST_LAMPS])
     shine = np.tile(0.94 * sky_cd_m2, (len(streaks), 1))
-    away = np.maximum(np.sqrt(np.sum(streaks.end_m**2, axis=1)), 1e-9)
-    for k in range(len(near)):
-        way = streaks.end_m - (near.position_m[k] - eye_m)
-        r2 = np.maximum(np.sum(way**2, axis=1), LAMP_LEAST_M**2)
-        way /= np.sqrt(r2)[:, None]
-        turn = -np.sum(way * streaks.end_m, axis=1) / away
-        spread = 1.0 + 0.85**2 - 1.7 * turn
-        phase = (0.75 * (1.0 - 0.85**2) / spread**1.5 + 0.25) / (4.0 * math.pi)
-        intensity = beam_gain(near, k, way) * range_window(r2 / near.range_m[k] ** 2)
-        shine += (intensity * phase / r2)[:, None] * near.colour_cd[k]
+    light_drops(
+        shine,
+        streaks.end_m,
+        near.position_m - eye_m,
+        near.axis,
+        near.left,
+        cross(near.axis, near.left),
+        near.colour_cd,
+        near.edge,
+        near.cap,
+        near.range_m,
+        near.beam,
+    )
     return shine

@@ -19,7 +19,7 @@ from carlaloc_env.render.lighting.light_sources import (
     BEAM_RANGE_M,
     EGO_HEADLAMPS_M,
     HEADLAMP_LIGHT,
-    beam_gain,
+    batwing_gain,
     range_window,
     street_lamps,
 )
@@ -131,7 +131,7 @@ def test_street_lamp_has_the_irradiance_of_the_python_formula() -> None:
     r2 = np.sum(way**2, axis=-1)
     unit = way / np.sqrt(r2)[..., None]
     lights = street_lamps(place[None])
-    gain = beam_gain(lights, 0, unit.reshape(-1, 3)).reshape(r2.shape)
+    gain = batwing_gain(unit @ lights.axis[0], *lights.edge[0], lights.cap[0])
     lux = gain * range_window(r2 / lights.range_m[0] ** 2) * -unit[..., 2] / r2
     expected = 0.4 / np.pi * lux[..., None] * lights.colour_cd[0]
     bright = expected[..., 1] > 0.02 * expected[..., 1].max()

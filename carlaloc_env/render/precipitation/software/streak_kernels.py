@@ -9,21 +9,12 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled, inlined
+from carlaloc_env.render.precipitation.drop_kernels import mixed
 
 THINNEST_PX = 0.8
 """Streaks are never drawn thinner, but paler instead, so that they do not twinkle [px]."""
 _NEAREST_M = 0.2
 """Depth at which streaks that come nearer are drawn [m]."""
-
-
-@inlined
-def _mixed(x: np.uint32) -> np.uint32:
-    """Hash of a number."""
-    x = np.uint32(x ^ (x >> np.uint32(16)))
-    x = np.uint32(x * np.uint32(0x7FEB352D))
-    x = np.uint32(x ^ (x >> np.uint32(15)))
-    x = np.uint32(x * np.uint32(0x846CA68B))
-    return np.uint32(x ^ (x >> np.uint32(16)))
 
 
 @compiled
@@ -228,7 +219,7 @@ def over_codes(
     for n in range(count):
         pixel = touched[n]
         hidden = layer[pixel, 3]
-        lot = _mixed(np.uint32(key ^ np.uint32(pixel)))
+        lot = mixed(np.uint32(key ^ np.uint32(pixel)))
         for channel in range(3):
             code = image[pixel, channel]
             behind = light_of_code[code]
@@ -237,7 +228,7 @@ def over_codes(
             if abs(added) < unseen_of_code[code]:
                 continue
             light = behind + added
-            lot = _mixed(np.uint32(lot + np.uint32(0x9E3779B9)))
+            lot = mixed(np.uint32(lot + np.uint32(0x9E3779B9)))
             if electrons > 0.0:
                 # What lies behind has the noise of its own light already, weakened with it.
                 had = (1.0 - hidden) * (1.0 - hidden) * (behind * electrons + read2)
