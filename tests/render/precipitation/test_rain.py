@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,15 @@ from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import create_context
-from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, street_lamps
+from carlaloc_env.render.lighting.light_sources import (
+    LAMP_LEAST_M,
+    NO_LIGHTS,
+    batwing_gain,
+    concatenate_lights,
+    range_window,
+    street_lamps,
+)
+from carlaloc_env.render.lighting.low_beam import low_beam_cd
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.precipitation.rain_drops import (
     NEAR_M,
@@ -129,6 +138,36 @@ def test_drops_shine_near_lamps_most_when_they_lie_before_them() -> None:
     np.testing.assert_allclose(dark, 0.188)
     bright = lit(drops, np.zeros(3), np.full(3, 0.2), lamps) - dark
     assert bright[0, 1] > bright[1, 1] > 0.0
+
+
+def test_drops_get_the_light_that_each_lamp_gives_and_scatters() -> None:
+    """Among lamps and headlamps: I(direction) · window · phase / r², summed over the lamps by NumPy."""
+    drops, eye = fall(10**9), FORWARD[:3, 3]
+    lamps = street_lamps(np.array([[14.0, -7.0, 6.0], [9.0, -2.0, 5.0]]))
+    headlamps = replace(
+        street_lamps(np.array([[12.0, -6.5, 0.7], [2.0, -7.5, 0.65]])),
+        axis=np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]),
+        left=np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]),
+        beam=np.ones(2, bool),
+    )
+    lights = concatenate_lights([lamps, headlamps])
+    expected = np.zeros((len(drops), 3))
+    for k in range(len(lights)):
+        way = drops.end_m - (lights.position_m[k] - eye)
+        r2 = np.maximum(np.sum(way**2, axis=1), LAMP_LEAST_M**2)
+        way /= np.sqrt(r2)[:, None]
+        ahead, left = way @ lights.axis[k], way @ lights.left[k]
+        up = way @ np.cross(lights.axis[k], lights.left[k])
+        batwing = batwing_gain(ahead, *lights.edge[k], lights.cap[k])
+        gain = low_beam_cd(ahead, left, up) if lights.beam[k] else batwing
+        turn = -np.sum(way * drops.end_m, axis=1) / np.linalg.norm(drops.end_m, axis=1)
+        lobe = (1.0 - 0.85**2) / (1.0 + 0.85**2 - 1.7 * turn) ** 1.5
+        phase = (0.75 * lobe + 0.25) / (4.0 * math.pi)
+        given = gain * range_window(r2 / lights.range_m[k] ** 2) * phase / r2
+        expected += given[:, None] * lights.colour_cd[k]
+    shine = lit(drops, eye, np.zeros(3), lights)
+    assert np.count_nonzero(expected[:, 1]) == len(drops)
+    np.testing.assert_allclose(shine, expected, rtol=1e-9)
 
 
 def test_a_streak_hides_what_its_drop_hides_on_its_way() -> None:
