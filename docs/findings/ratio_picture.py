@@ -76,4 +76,5 @@ def _panel(axes: Any, pairs: pd.DataFrame) -> None:
         axes.errorbar(place, group["ratio"], yerr=spread, fmt="o", ms=4, capsize=2, lw=1.0, label=label)
     axes.set_xticks(range(len(towns)), towns)
     if groups:
-        axes.legend(fontsize=7)
+        # Below the panel: no point is hidden.
+        axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
