@@ -12,7 +12,7 @@ from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.render.lighting.light_sources import LAMP_LEAST_M, batwing_gain, range_window
 from carlaloc_env.render.lighting.low_beam import low_beam
 
-FORWARD = 0.85
+_FORWARD = 0.85
 """g of the Henyey–Greenstein lobe into which drops scatter three quarters of a lamp's light."""
 
 _batwing = inlined(batwing_gain)
@@ -132,8 +132,8 @@ def light_drops(
                 gain = low_beam(ahead, left, u * ups[k, 0] + v * ups[k, 1] + w * ups[k, 2])
             else:
                 gain = _batwing(ahead, edges[k, 0], edges[k, 1], caps[k])
-            spread = 1.0 + FORWARD**2 + 2.0 * FORWARD * (u * x + v * y + w * z) / away
-            lobe = (1.0 - FORWARD**2) / (spread * math.sqrt(spread))
+            spread = 1.0 + _FORWARD**2 + 2.0 * _FORWARD * (u * x + v * y + w * z) / away
+            lobe = (1.0 - _FORWARD**2) / (spread * math.sqrt(spread))
             phase = (0.75 * lobe + 0.25) / (4.0 * math.pi)
             given = gain * _window(r2 / (ranges[k] * ranges[k])) * phase / r2
             for channel in range(3):
