@@ -36,7 +36,7 @@ LOOK_WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
 WEATHERS, TRAFFIC = LOOK_WEATHERS[:2], ("static", "dynamic")
 METHODS = ("small_gicp", "rko_lio", "stereo_vo")
 """Of these, those that are installed: the first two come with the extra `slam`."""
-REPORT = all(find_spec(name) is not None for name in ("jinja2", "matplotlib", "pandas"))
+REPORT = all(find_spec(name) is not None for name in ("matplotlib", "pandas"))
 """Whether the extra `report` is installed, which draws."""
 Scores = dict[str, dict[str, tuple[Score, PathErrors]]]
 """Score and errors by system and weather, then by level of traffic."""

@@ -11,7 +11,7 @@ import carlaloc_env
 import recorder
 from recorder.dataset.manifest import VERSIONED
 
-_SUFFIXES = (".py", ".glsl", ".vert", ".frag")
+_SUFFIXES = (".py", ".glsl", ".vert", ".frag", ".jinja")
 
 
 @functools.cache

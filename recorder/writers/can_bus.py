@@ -67,16 +67,3 @@ def encode(frame: str, state: CanState) -> tuple[int, bytes]:
     identifier, signals = FRAMES[frame]
     data = b"".join(signal.encode(state).to_bytes(2, "little", signed=True) for signal in signals)
     return identifier, data
-
-
-def dbc() -> str:
-    """The bus as a DBC file, which CAN tools and `cantools` read."""
-    lines = ['VERSION ""', "", "NS_ :", "", "BS_:", "", "BU_: CAR", ""]
-    for name, (identifier, signals) in FRAMES.items():
-        lines.append(f"BO_ {identifier} {name}: {2 * len(signals)} CAR")
-        lines += [
-            f' SG_ {s.name} : {16 * k}|16@1- ({s.factor:g},0) [0|0] "{s.unit}" Vector__XXX'
-            for k, s in enumerate(signals)
-        ]
-        lines.append("")
-    return "\n".join(lines)

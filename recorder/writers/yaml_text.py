@@ -1,10 +1,35 @@
-"""Numbers as YAML text that both PyYAML and OpenCV's FileStorage read as what they are."""
+"""Text files from templates, with numbers that both PyYAML and OpenCV's FileStorage read as what they are."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+
+def filled(template: str, **values: Any) -> str:
+    """Text of a file in ``templates`` with its values filled in.
+
+    Args:
+        template: Name of the file that is written, its folder included.
+        values: Values by the names that the template uses.
+    """
+    return _environment().get_template(f"{template}.jinja").render(values)
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("recorder.writers"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"real": real, "rows": rows, "nested": nested}
+    return environment
 
 
 def real(value: float) -> str:
@@ -15,22 +40,15 @@ def real(value: float) -> str:
     return text
 
 
-def rows(matrix: Any, *, indent: int = 0) -> str:
+def rows(matrix: Any) -> str:
     """All numbers of a matrix in one bracket, a line per row."""
-    lines = [", ".join(real(v) for v in row) for row in np.asarray(matrix, dtype=np.float64)]
-    return "[" + (",\n" + " " * indent).join(lines) + "]"
+    return "[" + ",\n".join(_row(row) for row in np.asarray(matrix, np.float64)) + "]"
 
 
-def nested(matrix: Any, *, indent: int = 0) -> str:
+def nested(matrix: Any) -> str:
     """A matrix as a list of rows, one item per line."""
-    pad = " " * indent
-    return "\n".join(f"{pad}- [{', '.join(real(v) for v in row)}]" for row in np.asarray(matrix))
+    return "\n".join(f"- [{_row(row)}]" for row in np.asarray(matrix))
 
 
-def opencv_matrix(name: str, matrix: Any, *, dt: str = "d") -> str:
-    """A matrix as OpenCV's FileStorage writes it; `dt` is ``f`` for float32 and ``d`` for float64."""
-    m = np.asarray(matrix, dtype=np.float64)
-    return (
-        f"{name}: !!opencv-matrix\n"
-        f"   rows: {m.shape[0]}\n   cols: {m.shape[1]}\n   dt: {dt}\n   data: {rows(m, indent=10)}\n"
-    )
+def _row(values: Any) -> str:
+    return ", ".join(real(value) for value in values)

@@ -20,8 +20,9 @@ from recorder.dataset.sequence import SlamSequence
 from recorder.slam.runners import orbslam3
 from recorder.slam.system import FrameClock
 from recorder.slam.systems import SYSTEMS
-from recorder.writers.calibration.orbslam3 import orbslam3_yaml
+from recorder.writers.calibration.files import calibration_texts
 from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.topics import STANDARD
 
 FOCAL_PX, BASELINE_M, DEPTH_M = 320.0, 0.5, 6.4
 WIDTH, HEIGHT, IMAGES = 640, 360, 40
@@ -40,8 +41,8 @@ class Wall(SlamSequence):
         noise = np.random.default_rng(1).integers(0, 256, (HEIGHT, 1400), dtype=np.uint8)
         wall = cv2.GaussianBlur(noise, (0, 0), 2.0)
         self._wall = cv2.normalize(wall, None, 0, 255, cv2.NORM_MINMAX)  # type: ignore[call-overload]
-        settings = orbslam3_yaml(RigCalibration.from_configs(CAMERAS), inertial=False)
-        (folder / "orbslam3_stereo.yaml").write_text(settings)
+        texts = calibration_texts(RigCalibration.from_configs(CAMERAS), STANDARD)
+        (folder / "orbslam3_stereo.yaml").write_text(texts["orbslam3_stereo.yaml"])
 
     @property
     def calibration(self) -> Path:

@@ -176,7 +176,7 @@ def check_tools() -> None:
     Raises:
         MissingDependencyError: a library of the report is not installed.
     """
-    missing = [name for name in ("jinja2", "matplotlib", "pandas") if find_spec(name) is None]
+    missing = [name for name in ("matplotlib", "pandas") if find_spec(name) is None]
     if missing:
         raise MissingDependencyError(
             f'the report needs {", ".join(missing)}; install it with: pip install "carlaloc-env[report]"'

@@ -3,35 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.output_paths import path_below
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.physical_constants import GRAVITY_MPS2
+from carlaloc_env.samples import GnssFix, Image, Imu, PointCloud
+from recorder.writers import can_bus
 from recorder.writers.base import write_text
 from recorder.writers.calibration.basalt import basalt_fits, basalt_json
-from recorder.writers.calibration.fast_lio import fast_lio_yaml
-from recorder.writers.calibration.kalibr import camchain_yaml, imu_yaml
-from recorder.writers.calibration.launch import (
-    A_LOAM_BEAMS,
-    a_loam_launch,
-    fast_lio_launch,
-    lego_loam_launch,
-    open_vins_launch,
-    s_msckf_launch,
-    vins_launch,
-)
-from recorder.writers.calibration.lego_loam import lego_loam_notes
-from recorder.writers.calibration.lidar_odometry import kiss_icp_yaml, rko_lio_yaml
-from recorder.writers.calibration.lio_sam import lio_sam_yaml
-from recorder.writers.calibration.open_vins import open_vins_texts
-from recorder.writers.calibration.orbslam3 import orbslam3_yaml
-from recorder.writers.calibration.s_msckf import s_msckf_yaml
-from recorder.writers.calibration.vins_fusion import vins_camera_yaml, vins_yaml
-from recorder.writers.can_bus import dbc
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.topics import TopicProfile, profile_by_name
-from recorder.writers.yaml_text import nested
+from recorder.writers.yaml_text import filled
 
 EXTRINSICS = "extrinsics.yaml"
-"""File of the mounts of all sensors."""
+"""File of the mounts of all sensors: each in `base_link`, and in the IMU frame where there is one."""
+_BASALT = "basalt.json"
+_A_LOAM_BEAMS = (16, 32, 64)
+"""Numbers of beams that A-LOAM takes."""
+_NEAREST_M = 2.0
+"""Returns nearer than this may be the car itself [m]."""
+_GROUND_BELOW_DEG = -5.0
+"""LeGO-LOAM looks for the ground in beams below this elevation [deg]."""
 
 
 def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str = "standard") -> list[Path]:
@@ -59,55 +53,85 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
 
 
 def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, str]:
-    """Text of every file by its name."""
-    texts = {EXTRINSICS: extrinsics_yaml(rig)}
-    stereo = len(rig.cameras) >= 2
-    if rig.imu is not None:
-        texts["kalibr/imu.yaml"] = imu_yaml(rig.imu, topics)
-    if rig.imu is not None and rig.cameras:
-        texts["kalibr/camchain-imucam.yaml"] = camchain_yaml(rig, topics)
-    if stereo:
-        texts["orbslam3_stereo.yaml"] = orbslam3_yaml(rig, inertial=False)
-        texts["vins_fusion/stereo.yaml"] = vins_yaml(rig, topics, inertial=False)
-        texts["vins_fusion/stereo.launch"] = vins_launch("stereo.yaml")
-        for k, camera in enumerate(rig.cameras[:2]):
-            texts[f"vins_fusion/cam{k}.yaml"] = vins_camera_yaml(camera)
-    if stereo and rig.imu is not None:
-        texts["orbslam3_stereo_inertial.yaml"] = orbslam3_yaml(rig, inertial=True)
-        texts["vins_fusion/stereo_inertial.yaml"] = vins_yaml(rig, topics, inertial=True)
-        texts["s_msckf/camchain-imucam.yaml"] = s_msckf_yaml(rig)
-        texts |= {f"open_vins/{name}": text for name, text in open_vins_texts(rig, topics).items()}
-        texts["vins_fusion/stereo_inertial.launch"] = vins_launch("stereo_inertial.yaml")
-        texts["s_msckf/s_msckf.launch"] = s_msckf_launch(rig, topics)
-        texts["open_vins/open_vins.launch"] = open_vins_launch()
-    if rig.imu is not None and rig.cameras and basalt_fits(rig):
-        texts["basalt.json"] = basalt_json(rig)
-    if rig.lidar is not None:
-        texts["kiss_icp.yaml"] = kiss_icp_yaml(rig.lidar)
-        if rig.lidar.rings in A_LOAM_BEAMS:
-            texts["a_loam.launch"] = a_loam_launch(rig.lidar, topics)
-    if rig.lidar is not None and rig.imu is not None:
-        texts["fast_lio.yaml"] = fast_lio_yaml(rig, topics)
-        texts["fast_lio.launch"] = fast_lio_launch()
-        texts["lio_sam.yaml"] = lio_sam_yaml(rig, topics)
-        texts["rko_lio.yaml"] = rko_lio_yaml(rig)
-        texts["lego_loam.launch"] = lego_loam_launch(rig.lidar, topics)
-        texts["lego_loam.md"] = lego_loam_notes(rig.lidar)
-    if "can" in rig.frames:
-        texts["can.dbc"] = dbc()
-    return texts
+    """Text of every file by its name.
+
+    Raises:
+        WriterError: one of the first two cameras is a fisheye, the other is none.
+    """
+    if len({camera.lens.model == "equidistant" for camera in rig.cameras[:2]}) > 1:
+        raise WriterError("ORB-SLAM3 needs the same lens model on both cameras; change one of them")
+    values = _values(rig, topics)
+    return {
+        name: basalt_json(rig) if name == _BASALT else filled(name, **values) for name in _file_names(rig)
+    }
 
 
-def extrinsics_yaml(rig: RigCalibration) -> str:
-    """Pose of every frame in `base_link`, and in the IMU frame where there is one."""
-    lines = [
-        "# T_a_b maps coordinates of frame b to frame a. base_link: x forward, y left, z up,",
-        "# on the ground below the rear axle. Cameras: x right, y down, z forward. Metres.",
-        f"base_frame: {BASE_FRAME}",
-        "frames:",
-    ]
-    for frame, T_base_frame in rig.frames.items():
-        lines += [f"  {frame}:", f"    T_{BASE_FRAME}_{frame}:", nested(T_base_frame, indent=6)]
-        if rig.imu is not None:
-            lines += [f"    T_{rig.imu.name}_{frame}:", nested(rig.T(rig.imu.name, frame), indent=6)]
-    return "\n".join(lines) + "\n"
+def _file_names(rig: RigCalibration) -> list[str]:
+    """Names of the files that the rig's sensors allow."""
+    imu, lidar, stereo = rig.imu is not None, rig.lidar is not None, len(rig.cameras) >= 2
+    beams = rig.lidar.rings if rig.lidar is not None else 0
+    files = (
+        (True, EXTRINSICS),
+        (imu, "kalibr/imu.yaml"),
+        (imu and rig.cameras, "kalibr/camchain-imucam.yaml"),
+        (stereo, "orbslam3_stereo.yaml"),
+        (stereo, "vins_fusion/stereo.yaml"),
+        (stereo, "vins_fusion/stereo.launch"),
+        (stereo, "vins_fusion/cam0.yaml"),
+        (stereo, "vins_fusion/cam1.yaml"),
+        (stereo and imu, "orbslam3_stereo_inertial.yaml"),
+        (stereo and imu, "vins_fusion/stereo_inertial.yaml"),
+        (stereo and imu, "s_msckf/camchain-imucam.yaml"),
+        (stereo and imu, "open_vins/estimator_config.yaml"),
+        (stereo and imu, "open_vins/kalibr_imu_chain.yaml"),
+        (stereo and imu, "open_vins/kalibr_imucam_chain.yaml"),
+        (stereo and imu, "vins_fusion/stereo_inertial.launch"),
+        (stereo and imu, "s_msckf/s_msckf.launch"),
+        (stereo and imu, "open_vins/open_vins.launch"),
+        (imu and basalt_fits(rig), _BASALT),
+        (lidar, "kiss_icp.yaml"),
+        (beams in _A_LOAM_BEAMS, "a_loam.launch"),
+        (lidar and imu, "fast_lio.yaml"),
+        (lidar and imu, "fast_lio.launch"),
+        (lidar and imu, "lio_sam.yaml"),
+        (lidar and imu, "rko_lio.yaml"),
+        (lidar and imu, "lego_loam.launch"),
+        (lidar and imu, "lego_loam.md"),
+        ("can" in rig.frames, "can.dbc"),
+    )
+    return [name for fits, name in files if fits]
+
+
+def _values(rig: RigCalibration, topics: TopicProfile) -> dict[str, Any]:
+    """Values that the templates fill in."""
+    imu, lidar = rig.imu, rig.lidar
+    values: dict[str, Any] = {
+        "cameras": rig.cameras,
+        "imu": imu,
+        "lidar": lidar,
+        "frames": rig.frames,
+        "T": rig.T,
+        "R": lambda to_frame, from_frame: rig.T(to_frame, from_frame)[:3, :3],
+        "t": lambda to_frame, from_frame: rig.T(to_frame, from_frame)[:3, 3],
+        "base_frame": BASE_FRAME,
+        "inertial": False,
+        "gravity_mps2": GRAVITY_MPS2,
+        "can_frames": can_bus.FRAMES,
+        "image_topic": lambda camera: topics.topic(Image, camera.stream),
+        "gnss_topic": topics.topic(GnssFix, "gnss"),
+    }
+    if imu is not None:
+        values["imu_topic"] = topics.topic(Imu, imu.name)
+    if lidar is not None:
+        beams_deg = lidar.elevations_deg
+        values |= {
+            "points_topic": topics.topic(PointCloud, lidar.name),
+            "points_frame": topics.frame(PointCloud, lidar.name, lidar.name),
+            "near_m": max(_NEAREST_M, lidar.range_min_m),
+            "beam_spacing_deg": (beams_deg[-1] - beams_deg[0]) / max(lidar.rings - 1, 1),
+            "ground_rings": sum(beam_deg < _GROUND_BELOW_DEG for beam_deg in beams_deg),
+        }
+    if imu is not None and lidar is not None:
+        T = rig.T(lidar.name, imu.name)
+        values["imu_quat_xyz"] = [*transforms.matrix_to_quat(T[:3, :3]), *T[:3, 3]]
+    return values

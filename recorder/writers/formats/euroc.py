@@ -15,8 +15,8 @@ from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, grey, png_of
 from recorder.writers.formats.euroc_states import STATE_HEADER, state_line
-from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, ImuCalibration, RigCalibration
-from recorder.writers.yaml_text import real, rows
+from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
+from recorder.writers.yaml_text import filled
 
 TIMES_FILE = "times.txt"
 """Times of the images [ns], one per line: ORB-SLAM3's EuRoC programs take this file beside the folder."""
@@ -110,12 +110,12 @@ class EurocWriter(Writer):
         (part / "body.yaml").write_text("# The car; its body frame is that of imu0.\ncomment: CarlaLoc\n")
         for k, camera in enumerate(self.encoder.calibration.cameras):
             (part / f"cam{k}" / "data").mkdir(parents=True)
-            self._table(
-                part, f"cam{k}", "#timestamp [ns],filename", _camera_yaml(camera, self.encoder.calibration)
-            )
+            T_body_camera = self.encoder.calibration.T(self.encoder.imu.name, camera.frame)
+            description = filled("euroc/camera.yaml", camera=camera, T_body_camera=T_body_camera)
+            self._table(part, f"cam{k}", "#timestamp [ns],filename", description)
         self._tables[TIMES_FILE] = (part / TIMES_FILE).open("x", encoding="utf-8")
-        self._table(part, "imu0", _IMU_HEADER, _imu_yaml(self.encoder.imu))
-        self._table(part, "state_groundtruth_estimate0", STATE_HEADER, _state_yaml())
+        self._table(part, "imu0", _IMU_HEADER, filled("euroc/imu.yaml", imu=self.encoder.imu))
+        self._table(part, "state_groundtruth_estimate0", STATE_HEADER, filled("euroc/state.yaml"))
 
     def _table(self, part: Path, name: str, header: str, sensor_yaml: str) -> None:
         (part / name).mkdir(exist_ok=True)
@@ -140,42 +140,3 @@ class EurocWriter(Writer):
 
     def _drop(self) -> None:
         close_unfinished(self._tables.values())
-
-
-def _T_BS(T_body_sensor: object) -> str:
-    return f"T_BS:\n  cols: 4\n  rows: 4\n  data: {rows(T_body_sensor, indent=9)}\n"
-
-
-def _camera_yaml(camera: CameraCalibration, calibration: RigCalibration) -> str:
-    imu = calibration.imu.name if calibration.imu else BASE_FRAME
-    p = camera.pinhole
-    return (
-        "sensor_type: camera\n"
-        f"comment: {camera.name} camera\n"
-        f"{_T_BS(calibration.T(imu, camera.frame))}"
-        f"rate_hz: {real(camera.rate_hz)}\n"
-        f"resolution: [{p.width_px}, {p.height_px}]\n"
-        "camera_model: pinhole\n"
-        f"intrinsics: [{real(p.fx_px)}, {real(p.fy_px)}, {real(p.cx_px)}, {real(p.cy_px)}]\n"
-        f"distortion_model: {'equidistant' if camera.lens.model == 'equidistant' else 'radial-tangential'}\n"
-        f"distortion_coefficients: [{', '.join(real(c) for c in camera.lens.coefficients)}]\n"
-    )
-
-
-def _imu_yaml(imu: ImuCalibration) -> str:
-    identity = [[float(i == j) for j in range(4)] for i in range(4)]
-    return (
-        "sensor_type: imu\n"
-        "comment: body frame\n"
-        f"{_T_BS(identity)}"
-        f"rate_hz: {real(imu.rate_hz)}\n"
-        f"gyroscope_noise_density: {real(imu.gyroscope_noise_density)}\n"
-        f"gyroscope_random_walk: {real(imu.gyroscope_random_walk)}\n"
-        f"accelerometer_noise_density: {real(imu.accelerometer_noise_density)}\n"
-        f"accelerometer_random_walk: {real(imu.accelerometer_random_walk)}\n"
-    )
-
-
-def _state_yaml() -> str:
-    identity = [[float(i == j) for j in range(4)] for i in range(4)]
-    return f"sensor_type: visual-inertial\ncomment: exact, from the simulation\n{_T_BS(identity)}"

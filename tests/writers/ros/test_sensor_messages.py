@@ -20,10 +20,11 @@ from carlaloc_env.samples import (
     SemanticImage,
     WheelTicks,
 )
-from recorder.writers.can_bus import FRAMES, dbc
+from recorder.writers.can_bus import FRAMES
 from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
 from recorder.writers.topics import PROFILES, STANDARD
+from recorder.writers.yaml_text import filled
 
 OFFICIAL_MD5 = {
     "radar_msgs/msg/RadarScan": "6dfacef1e665538dbd8e159d5ce7a97a",
@@ -130,7 +131,7 @@ def can_state() -> CanState:
 @pytest.mark.parametrize("store", STORES, ids=str)
 def test_can_frames_decode_by_their_dbc(store: Stores) -> None:
     """Bits read as the DBC file says give back the sample's values; every line of it is used."""
-    text = dbc()
+    text = filled("can.dbc", can_frames=FRAMES)
     frames = {
         int(m[1]): (m[2], int(m[3])) for m in re.finditer(r"^BO_ (\d+) (\w+): (\d+) CAR$", text, re.MULTILINE)
     }
