@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
 from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.checksums import write_checksums
-from recorder.dataset.layout import SEG_BAG, DriveFolder, SequenceFolder
+from recorder.dataset.layout import FILM, FORMATS, SEG_BAG, DriveFolder, SequenceFolder
 from recorder.dataset.manifest import SequenceDescription
 from recorder.replaying.conditions import Condition
 from recorder.replaying.sample_counts import SampleCounts
@@ -36,113 +38,108 @@ from recorder.writers.topics import profile_by_name
 
 Streams = tuple[str, ...]
 """Names of all streams that will come."""
-Place = Callable[[SequenceFolder, Mapping[str, str]], Writer]
-"""Makes a writer in a folder; the texts are what bags say of the sequence."""
 
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """One file or folder of a sequence: what encodes its pieces, and what makes its writer."""
+    """One file or folder of a sequence."""
 
     encoder: Encoder
     """Makes pieces, anywhere and in any order."""
-    place: Place
-    """Makes the writer that puts them into the file."""
+    writer: Callable[..., Writer]
+    """Class of the writer that puts them into the file."""
+    path: str
+    """Path below the sequence's folder; ``{}`` stands for the sequence's name."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Further arguments of the writer."""
+
+    def open(self, folder: SequenceFolder) -> Writer:
+        """Start writing the file in a sequence's folder.
+
+        Raises:
+            WriterError: the file exists or cannot be created.
+        """
+        path = path_below(folder.path, self.path.format(folder.name))
+        writer = self.writer(path, self.encoder, **self.options)
+        writer.open()
+        return writer
 
 
-def outputs_of(recipe: Recipe, streams: Streams) -> list[Output]:
+def outputs_of(recipe: Recipe, streams: Streams, about: Mapping[str, str] | None = None) -> list[Output]:
     """Outputs of a sequence, always in the same order.
 
     Args:
         recipe: What is made of the drive.
         streams: Names of all streams that will come.
+        about: Texts by name that files hold of the sequence, where they are written.
 
     Raises:
         WriterError: a format needs a sensor that the rig has not.
     """
+    about = about or {}
     calibration = RigCalibration.from_configs(recipe.believed.sensors)
     outputs: list[Output] = []
     for name in dict.fromkeys(recipe.formats):
-        outputs += _OUTPUTS[name](name, recipe, calibration, streams)
+        path = FORMATS[name].place
+        if FORMATS[name].is_bag:
+            outputs += _bags(name, recipe, calibration, streams, about)
+        elif name == "euroc":
+            imu = _imu_sensor(recipe.rig, recipe.seed)
+            encoder = EurocEncoder(calibration, biases=imu.bias if imu else None)
+            outputs.append(Output(encoder, EurocWriter, path))
+        elif name == "kitti":
+            outputs.append(Output(KittiEncoder(calibration), KittiWriter, path))
+        elif name == "dsec":
+            outputs += _dsec(path, calibration, streams)
+        else:
+            outputs.append(Output(RawEncoder(), RawWriter, path))
     if recipe.preview:
-        outputs += _film(calibration, streams)
+        outputs += _film(calibration, streams, about)
     return outputs
 
 
-def _rosbag1(name: str, recipe: Recipe, calibration: RigCalibration, streams: Streams) -> list[Output]:
-    compression = name.removeprefix("rosbag1").removeprefix("_") or "none"
-
-    def output(begin: str, profile: str) -> Output:
-        encoder = Ros1Encoder(calibration, profile=profile, streams=streams)
-        return Output(
-            encoder,
-            lambda folder, _: Rosbag1Writer(
-                folder.place(name, begin=begin), encoder, compression=compression
-            ),
+def _bags(
+    name: str, recipe: Recipe, calibration: RigCalibration, streams: Streams, about: Mapping[str, str]
+) -> list[Output]:
+    """The bag of a format; two of a LiDAR with the topics of the paper's release."""
+    family, _, kind = name.partition("_")
+    encoder: Callable[..., Encoder] = Ros1Encoder
+    writer: Callable[..., Writer] = Rosbag1Writer
+    options: dict[str, Any] = {"compression": kind or "none"}
+    if family == "rosbag2":
+        texts = calibration_texts(calibration, profile_by_name(recipe.topics))
+        encoder, writer = Ros2Encoder, Rosbag2Writer
+        options = {"storage": kind or "mcap", "about": about, "attachments": texts}
+    profiles = {"": recipe.topics}
+    if recipe.topics == "paper" and "lidar_semantic" in streams:
+        profiles[SEG_BAG] = "paper_seg"
+    return [
+        Output(
+            encoder(calibration, profile=profile, streams=streams),
+            writer,
+            begin + FORMATS[name].place,
+            options,
         )
-
-    return [output(*bag) for bag in _bag_profiles(recipe, streams)]
-
-
-def _rosbag2(name: str, recipe: Recipe, calibration: RigCalibration, streams: Streams) -> list[Output]:
-    storage = name.removeprefix("rosbag2").removeprefix("_") or "mcap"
-    texts = calibration_texts(calibration, profile_by_name(recipe.topics))
-
-    def output(begin: str, profile: str) -> Output:
-        encoder = Ros2Encoder(calibration, profile=profile, streams=streams)
-        return Output(
-            encoder,
-            lambda folder, about: Rosbag2Writer(
-                folder.place(name, begin=begin), encoder, storage=storage, about=about, attachments=texts
-            ),
-        )
-
-    return [output(*bag) for bag in _bag_profiles(recipe, streams)]
+        for begin, profile in profiles.items()
+    ]
 
 
-def _bag_profiles(recipe: Recipe, streams: Streams) -> list[tuple[str, str]]:
-    """Beginning of the name and topic profile of each bag: the paper's release has two for a LiDAR."""
-    has_seg = recipe.topics == "paper" and "lidar_semantic" in streams
-    return [("", recipe.topics), *([(SEG_BAG, "paper_seg")] if has_seg else [])]
-
-
-def _euroc(name: str, recipe: Recipe, calibration: RigCalibration, _: Streams) -> list[Output]:
-    imu = _imu_sensor(recipe.rig, recipe.seed)
-    encoder = EurocEncoder(calibration, biases=imu.bias if imu else None)
-    return [Output(encoder, lambda folder, _: EurocWriter(folder.place(name), encoder))]
-
-
-def _kitti(name: str, _: Recipe, calibration: RigCalibration, __: Streams) -> list[Output]:
-    encoder = KittiEncoder(calibration)
-    return [Output(encoder, lambda folder, _: KittiWriter(folder.place(name), encoder))]
-
-
-def _dsec(name: str, _: Recipe, calibration: RigCalibration, streams: Streams) -> list[Output]:
+def _dsec(path: str, calibration: RigCalibration, streams: Streams) -> list[Output]:
     # Imported where it is asked for: every worker would hold the libraries of HDF5.
     from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
 
-    def output(stream: str) -> Output:
-        encoder, camera = DsecEncoder(stream), stream.removeprefix("events_")
-        return Output(
-            encoder,
-            lambda folder, _: DsecWriter(folder.place(name) / "events" / camera / "events.h5", encoder),
-        )
-
-    outputs = [output(stream) for stream in streams if stream.startswith("events_")]
+    outputs = [
+        Output(DsecEncoder(stream), DsecWriter, f"{path}/events/{stream.removeprefix('events_')}/events.h5")
+        for stream in streams
+        if stream.startswith("events_")
+    ]
     if len(calibration.cameras) >= 2 and f"depth_{calibration.cameras[0].name}" in streams:
         encoder = DsecDisparityEncoder(calibration)
-        outputs.append(
-            Output(encoder, lambda folder, _: DsecDisparityWriter(folder.place(name) / "disparity", encoder))
-        )
+        outputs.append(Output(encoder, DsecDisparityWriter, f"{path}/disparity"))
     return outputs
 
 
-def _raw(name: str, _: Recipe, __: RigCalibration, ___: Streams) -> list[Output]:
-    encoder = RawEncoder()
-    return [Output(encoder, lambda folder, _: RawWriter(folder.place(name), encoder))]
-
-
-def _film(calibration: RigCalibration, streams: Streams) -> list[Output]:
+def _film(calibration: RigCalibration, streams: Streams, about: Mapping[str, str]) -> list[Output]:
     """The film of the first camera and the LiDAR; none of a rig without either."""
     camera, lidar = next(iter(calibration.cameras), None), calibration.lidar
     shown = shown_streams(
@@ -152,29 +149,8 @@ def _film(calibration: RigCalibration, streams: Streams) -> list[Output]:
         return []
     first = lidar if camera is None or next(iter(shown.values())) == "cloud" else camera
     assert first is not None
-    encoder, rate_hz = PreviewEncoder(shown), first.rate_hz
-    return [
-        Output(
-            encoder,
-            lambda folder, _: PreviewWriter(
-                folder.film, encoder, rate_hz=rate_hz, caption=folder.name.replace("_", " ")
-            ),
-        )
-    ]
-
-
-_OUTPUTS: dict[str, Callable[[str, Recipe, RigCalibration, Streams], list[Output]]] = {
-    "rosbag1": _rosbag1,
-    "rosbag1_lz4": _rosbag1,
-    "rosbag1_bz2": _rosbag1,
-    "rosbag2": _rosbag2,
-    "rosbag2_sqlite3": _rosbag2,
-    "euroc": _euroc,
-    "kitti": _kitti,
-    "dsec": _dsec,
-    "raw": _raw,
-}
-"""What makes the outputs of each of `FORMATS`."""
+    options = {"rate_hz": first.rate_hz, "caption": about.get("name", "").replace("_", " ")}
+    return [Output(PreviewEncoder(shown), PreviewWriter, FILM, options)]
 
 
 class SequenceWriters:
@@ -202,14 +178,15 @@ class SequenceWriters:
             "epoch_ns": str(DEFAULT_EPOCH_NS),
             **({"faults": json.dumps(condition.faults.to_mapping())} if condition.faults else {}),
         }
-        self._writers = [output.place(self._part, about) for output in outputs_of(recipe, streams)]
+        self._outputs = outputs_of(recipe, streams, about)
+        self._writers: list[Writer] = []
 
     def open(self) -> None:
         """Start writing; what a killed run has left is removed."""
         shutil.rmtree(self._part.path, ignore_errors=True)
         self._part.path.mkdir(parents=True)
-        for writer in self._writers:
-            writer.open()
+        for output in self._outputs:
+            self._writers.append(output.open(self._part))
 
     def place(self, number: int, piece: Piece) -> None:
         """Give a piece to the writer of a number."""

@@ -28,9 +28,7 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
         quality="medium", formats=("dsec",), topics="slam", preview=False,
     )  # fmt: skip
     streams = tuple(f"{kind}_{side}" for side in ("left", "right") for kind in ("rgb", "depth", "events"))
-    writers = [one.place(SequenceFolder(folder), {}) for one in outputs_of(config, streams)]
-    for writer in writers:
-        writer.open()
+    writers = [output.open(SequenceFolder(folder)) for output in outputs_of(config, streams)]
     for stamp in range(0, 10 * STEP_NS, STEP_NS):
         for side in ("left", "right"):
             rows = np.zeros(0 if stamp == 0 else 1000, EVENT)
