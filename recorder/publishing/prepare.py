@@ -22,19 +22,13 @@ from carlaloc_env.core.files.atomic_write import atomic_write
 from recorder.dataset.checksums import file_sha256, read_checksums
 from recorder.dataset.layout import CHECKSUMS
 from recorder.dataset.manifest import DatasetManifest
+from recorder.writers.yaml_text import filled
 
 FOLDER_FILES = 10_000
 """Entries of a folder of the Hugging Face hub."""
 SHARD_BYTES = 1_000_000_000
 """Size from which a tar shard is closed [bytes]."""
 CARD, CROISSANT, CITATION = "README.md", "croissant.json", "CITATION.bib"
-_CITE = """\
-@misc{carlaloc,
-  title  = {CarlaLoc: a driving world, a full SLAM sensor suite and a dataset factory},
-  author = {{The CarlaLoc authors}},
-  note   = {Made with version %s}
-}
-"""
 
 
 def prepare_for_hub(dataset: Path, folder: Path, *, folder_files: int = FOLDER_FILES) -> None:
@@ -90,7 +84,7 @@ def _lay_out(dataset: Path, folder: Path, folder_files: int) -> None:
     for path, table in tables.items():
         (folder / path).parent.mkdir(exist_ok=True)
         table.to_parquet(folder / path, compression="zstd", index=False)
-    cite = _CITE % __version__
+    cite = filled(CITATION, package="recorder.publishing", version=__version__)
     (folder / CITATION).write_text(cite, encoding="utf-8")
     description = _description(manifest, len(tables[CONDITIONS]))
     listed = {name: file_sha256(folder / name) for name in (*tables, CHECKSUMS)}
@@ -171,29 +165,11 @@ def _card(description: str, cite: str, tables: Mapping[str, Any], *, has_shards:
             for path in tables
         ],
     }
-    shards = (
-        "\nFolders of very many files are tar shards (`cam0/data-00000.tar` …): unpack them in the folder of "
-        "their name, and the checksums of `SHA256SUMS` hold.\n"
-        if has_shards
-        else ""
+    return filled(
+        CARD,
+        package="recorder.publishing",
+        front=yaml.safe_dump(front, sort_keys=False, allow_unicode=True),
+        description=description,
+        cite=cite,
+        has_shards=has_shards,
     )
-    return f"""\
----
-{yaml.safe_dump(front, sort_keys=False, allow_unicode=True).rstrip()}
----
-
-# CarlaLoc
-
-{description}
-
-* `TOWN/WEATHER_TRAFFIC/`: the sequences, `TOWN/calibration/`, `TOWN/ground_truth/`, `episodes/`: the drives.
-* `data/trajectories.parquet`: the true pose of every sensor, 200 Hz; `data/conditions.parquet`: a row
-  a sequence.
-* `dataset.yaml`: recipe and origin, `SHA256SUMS`: checksums, `croissant.json`: both for machines.
-{shards}
-Everything is synthetic, persons included. The drives and the recipe suffice to make the same files anew.
-
-```bibtex
-{cite.rstrip()}
-```
-"""

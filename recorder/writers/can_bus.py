@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from carlaloc_env.samples import CanState
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Signal:
     """Sixteen bits, little-endian, of a frame."""
 
@@ -31,31 +31,26 @@ FRAMES: dict[str, tuple[int, tuple[Signal, ...]]] = {
     "STEERING_AND_SPEED": (
         0x0C1,
         (
-            Signal(
-                name="SteeringWheelAngle",
-                value=lambda s: math.degrees(s.steering_wheel_rad),
-                factor=0.1,
-                unit="deg",
-            ),
-            Signal(name="Speed", value=lambda s: s.speed_mps, factor=0.01, unit="m/s"),
-            Signal(name="Gear", value=lambda s: float(s.gear), factor=1.0),
-            Signal(name="Handbrake", value=lambda s: float(s.handbrake), factor=1.0),
+            Signal("SteeringWheelAngle", lambda s: math.degrees(s.steering_wheel_rad), 0.1, "deg"),
+            Signal("Speed", lambda s: s.speed_mps, 0.01, "m/s"),
+            Signal("Gear", lambda s: float(s.gear), 1.0),
+            Signal("Handbrake", lambda s: float(s.handbrake), 1.0),
         ),
     ),
     "WHEEL_SPEEDS": (
         0x0C2,
         (
-            Signal(name="FrontLeft", value=lambda s: float(s.wheel_speed_mps[0]), factor=0.01, unit="m/s"),
-            Signal(name="FrontRight", value=lambda s: float(s.wheel_speed_mps[1]), factor=0.01, unit="m/s"),
-            Signal(name="RearLeft", value=lambda s: float(s.wheel_speed_mps[2]), factor=0.01, unit="m/s"),
-            Signal(name="RearRight", value=lambda s: float(s.wheel_speed_mps[3]), factor=0.01, unit="m/s"),
+            Signal("FrontLeft", lambda s: float(s.wheel_speed_mps[0]), 0.01, "m/s"),
+            Signal("FrontRight", lambda s: float(s.wheel_speed_mps[1]), 0.01, "m/s"),
+            Signal("RearLeft", lambda s: float(s.wheel_speed_mps[2]), 0.01, "m/s"),
+            Signal("RearRight", lambda s: float(s.wheel_speed_mps[3]), 0.01, "m/s"),
         ),
     ),
     "PEDALS": (
         0x0C3,
         (
-            Signal(name="Throttle", value=lambda s: 100.0 * s.throttle, factor=0.1, unit="%"),
-            Signal(name="Brake", value=lambda s: 100.0 * s.brake, factor=0.1, unit="%"),
+            Signal("Throttle", lambda s: 100.0 * s.throttle, 0.1, "%"),
+            Signal("Brake", lambda s: 100.0 * s.brake, 0.1, "%"),
         ),
     ),
 }

@@ -26,7 +26,7 @@ from carlaloc_env.samples import (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class TopicRule:
     """Topic and message of the samples of some streams."""
 
@@ -114,29 +114,27 @@ class TopicProfile:
 STANDARD = TopicProfile(
     name="standard",
     rules=(
-        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/image_raw", message="image_rgb8"),
-        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/camera_info", message="camera_info"),
-        TopicRule(sample=DepthImage, stream="depth_*", topic="/camera/{}/depth", message="image_32fc1"),
-        TopicRule(
-            sample=SemanticImage, stream="semantic_*", topic="/camera/{}/semantic", message="image_tags"
-        ),
-        TopicRule(sample=FlowImage, stream="flow_*", topic="/camera/{}/flow", message="image_32fc2"),
-        TopicRule(sample=NormalImage, stream="normal_*", topic="/camera/{}/normal", message="image_32fc3"),
-        TopicRule(sample=PointCloud, stream="*_semantic", topic="/{}/points", message="points_labelled"),
-        TopicRule(sample=PointCloud, stream="*", topic="/{}/points", message="points", unless="{}_semantic"),
-        TopicRule(sample=RadarScan, stream="radar_*", topic="/radar/{}/points", message="radar_points"),
-        TopicRule(sample=RadarScan, stream="radar_*", topic="/radar/{}/scan", message="radar_scan"),
-        TopicRule(sample=Imu, stream="*", topic="/{}/data", message="imu"),
-        TopicRule(sample=GnssFix, stream="*", topic="/{}/fix", message="nav_sat_fix"),
-        TopicRule(sample=Speed, stream="*", topic="/{}", message="twist"),
-        TopicRule(sample=WheelTicks, stream="*", topic="/{}/joint_states", message="wheel_joints"),
-        TopicRule(sample=CanState, stream="*", topic="/{}/frames", message="can_steering"),
-        TopicRule(sample=CanState, stream="*", topic="/{}/frames", message="can_wheels"),
-        TopicRule(sample=CanState, stream="*", topic="/{}/frames", message="can_pedals"),
-        TopicRule(sample=Odometry, stream="*", topic="/ground_truth/odometry", message="odometry"),
-        TopicRule(sample=Odometry, stream="*", topic="/ground_truth/acceleration", message="acceleration"),
-        TopicRule(sample=ObjectList, stream="*", topic="/ground_truth/objects", message="objects"),
-        TopicRule(sample=ObjectList, stream="*", topic="/ground_truth/object_table", message="object_table"),
+        TopicRule(Image, "rgb_*", "/camera/{}/image_raw", "image_rgb8"),
+        TopicRule(Image, "rgb_*", "/camera/{}/camera_info", "camera_info"),
+        TopicRule(DepthImage, "depth_*", "/camera/{}/depth", "image_32fc1"),
+        TopicRule(SemanticImage, "semantic_*", "/camera/{}/semantic", "image_tags"),
+        TopicRule(FlowImage, "flow_*", "/camera/{}/flow", "image_32fc2"),
+        TopicRule(NormalImage, "normal_*", "/camera/{}/normal", "image_32fc3"),
+        TopicRule(PointCloud, "*_semantic", "/{}/points", "points_labelled"),
+        TopicRule(PointCloud, "*", "/{}/points", "points", unless="{}_semantic"),
+        TopicRule(RadarScan, "radar_*", "/radar/{}/points", "radar_points"),
+        TopicRule(RadarScan, "radar_*", "/radar/{}/scan", "radar_scan"),
+        TopicRule(Imu, "*", "/{}/data", "imu"),
+        TopicRule(GnssFix, "*", "/{}/fix", "nav_sat_fix"),
+        TopicRule(Speed, "*", "/{}", "twist"),
+        TopicRule(WheelTicks, "*", "/{}/joint_states", "wheel_joints"),
+        TopicRule(CanState, "*", "/{}/frames", "can_steering"),
+        TopicRule(CanState, "*", "/{}/frames", "can_wheels"),
+        TopicRule(CanState, "*", "/{}/frames", "can_pedals"),
+        TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
+        TopicRule(Odometry, "*", "/ground_truth/acceleration", "acceleration"),
+        TopicRule(ObjectList, "*", "/ground_truth/objects", "objects"),
+        TopicRule(ObjectList, "*", "/ground_truth/object_table", "object_table"),
     ),
 )
 """Every sensor but the event cameras, with transforms and clock."""
@@ -145,10 +143,8 @@ FULL = TopicProfile(
     name="full",
     rules=(
         *STANDARD.rules,
-        TopicRule(sample=Events, stream="events_*", topic="/camera/{}/events", message="event_array"),
-        TopicRule(
-            sample=SemanticImage, stream="semantic_*", topic="/camera/{}/instance", message="image_instances"
-        ),
+        TopicRule(Events, "events_*", "/camera/{}/events", "event_array"),
+        TopicRule(SemanticImage, "semantic_*", "/camera/{}/instance", "image_instances"),
     ),
 )
 """`STANDARD`, events (up to 0.5 GB a second of driving) and images of instance ids, 3.7 MB each."""
@@ -156,14 +152,10 @@ FULL = TopicProfile(
 PAPER = TopicProfile(
     name="paper",
     rules=(
-        TopicRule(
-            sample=Image, stream="rgb_left", topic="/cam0_raw", message="image_mono8", frame_id="cam_left"
-        ),
-        TopicRule(
-            sample=Image, stream="rgb_right", topic="/cam1_raw", message="image_mono8", frame_id="cam_right"
-        ),
-        TopicRule(sample=PointCloud, stream="lidar", topic="/velodyne", message="points", frame_id="laser"),
-        TopicRule(sample=Imu, stream="imu", topic="/imu", message="imu", frame_id="imu"),
+        TopicRule(Image, "rgb_left", "/cam0_raw", "image_mono8", frame_id="cam_left"),
+        TopicRule(Image, "rgb_right", "/cam1_raw", "image_mono8", frame_id="cam_right"),
+        TopicRule(PointCloud, "lidar", "/velodyne", "points", frame_id="laser"),
+        TopicRule(Imu, "imu", "/imu", "imu", frame_id="imu"),
     ),
     tf_static=False,
     clock=False,
@@ -173,12 +165,12 @@ PAPER = TopicProfile(
 SLAM = TopicProfile(
     name="slam",
     rules=(
-        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/image_raw", message="image_mono8"),
-        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/camera_info", message="camera_info"),
-        TopicRule(sample=PointCloud, stream="lidar", topic="/lidar/points", message="points"),
-        TopicRule(sample=Imu, stream="*", topic="/{}/data", message="imu"),
-        TopicRule(sample=GnssFix, stream="*", topic="/{}/fix", message="nav_sat_fix"),
-        TopicRule(sample=Odometry, stream="*", topic="/ground_truth/odometry", message="odometry"),
+        TopicRule(Image, "rgb_*", "/camera/{}/image_raw", "image_mono8"),
+        TopicRule(Image, "rgb_*", "/camera/{}/camera_info", "camera_info"),
+        TopicRule(PointCloud, "lidar", "/lidar/points", "points"),
+        TopicRule(Imu, "*", "/{}/data", "imu"),
+        TopicRule(GnssFix, "*", "/{}/fix", "nav_sat_fix"),
+        TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
     ),
 )
 """What SLAM systems read: grey images and the plain cloud, a third of the size of `STANDARD`."""
@@ -186,14 +178,8 @@ SLAM = TopicProfile(
 PAPER_SEG = TopicProfile(
     name="paper_seg",
     rules=(
-        TopicRule(
-            sample=PointCloud,
-            stream="lidar_semantic",
-            topic="/velodyne",
-            message="points_of_the_town",
-            frame_id="laser",
-        ),
-        TopicRule(sample=Imu, stream="imu", topic="/imu", message="imu", frame_id="imu"),
+        TopicRule(PointCloud, "lidar_semantic", "/velodyne", "points_of_the_town", frame_id="laser"),
+        TopicRule(Imu, "imu", "/imu", "imu", frame_id="imu"),
     ),
     tf_static=False,
     clock=False,
@@ -201,37 +187,30 @@ PAPER_SEG = TopicProfile(
 """The release's ``LIOseg``: the cloud without walkers and vehicles, and the IMU."""
 
 _COMPACT_CLOUDS = (
-    TopicRule(sample=PointCloud, stream="*_semantic", topic="/{}/draco", message="cloud_draco"),
-    TopicRule(sample=PointCloud, stream="*", topic="/{}/draco", message="cloud_draco", unless="{}_semantic"),
+    TopicRule(PointCloud, "*_semantic", "/{}/draco", "cloud_draco"),
+    TopicRule(PointCloud, "*", "/{}/draco", "cloud_draco", unless="{}_semantic"),
 )
 
 COMPACT = TopicProfile(
     name="compact",
     rules=(
-        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/video", message="video"),
-        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/camera_info", message="camera_info"),
+        TopicRule(Image, "rgb_*", "/camera/{}/video", "video"),
+        TopicRule(Image, "rgb_*", "/camera/{}/camera_info", "camera_info"),
         *_COMPACT_CLOUDS,
         *(rule for rule in STANDARD.rules if rule.sample in (Imu, GnssFix, Speed, WheelTicks, CanState)),
-        TopicRule(sample=Odometry, stream="*", topic="/ground_truth/odometry", message="odometry"),
-        TopicRule(sample=ObjectList, stream="*", topic="/ground_truth/object_table", message="object_table"),
+        TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
+        TopicRule(ObjectList, "*", "/ground_truth/object_table", "object_table"),
     ),
 )
-"""Video, clouds by Draco, IMU, truth: a few hours fit on a laptop; what is lost is told in numbers."""
+"""Video, clouds by Draco, IMU, truth: a few hours fit on a laptop; docs/formats.md gives the losses."""
 
 COMPACT_FULL = TopicProfile(
     name="compact_full",
     rules=(
         *COMPACT.rules,
-        TopicRule(
-            sample=DepthImage, stream="depth_*", topic="/camera/{}/depth/compressedDepth", message="depth_png"
-        ),
-        TopicRule(
-            sample=SemanticImage,
-            stream="semantic_*",
-            topic="/camera/{}/semantic/compressed",
-            message="tags_png",
-        ),
-        TopicRule(sample=RadarScan, stream="radar_*", topic="/radar/{}/points", message="radar_points"),
+        TopicRule(DepthImage, "depth_*", "/camera/{}/depth/compressedDepth", "depth_png"),
+        TopicRule(SemanticImage, "semantic_*", "/camera/{}/semantic/compressed", "tags_png"),
+        TopicRule(RadarScan, "radar_*", "/radar/{}/points", "radar_points"),
     ),
 )
 """`COMPACT` with depth and semantics as PNG, and the radars."""

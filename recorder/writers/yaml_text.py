@@ -9,20 +9,21 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 
-def filled(template: str, **values: Any) -> str:
-    """Text of a file in ``templates`` with its values filled in.
+def filled(template: str, *, package: str = "recorder.writers", **values: Any) -> str:
+    """Text of a template with its values filled in.
 
     Args:
         template: Name of the file that is written, its folder included.
+        package: Package whose folder ``templates`` holds the template.
         values: Values by the names that the template uses.
     """
-    return _environment().get_template(f"{template}.jinja").render(values)
+    return _environment(package).get_template(f"{template}.jinja").render(values)
 
 
 @cache
-def _environment() -> Environment:
+def _environment(package: str) -> Environment:
     environment = Environment(
-        loader=PackageLoader("recorder.writers"),
+        loader=PackageLoader(package),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

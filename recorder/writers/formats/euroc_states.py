@@ -1,4 +1,4 @@
-"""Ground truth as EuRoC's table of states, and small text files."""
+"""Ground truth as EuRoC's table of states."""
 
 from __future__ import annotations
 
@@ -28,20 +28,10 @@ def state_line(
     accel_bias_mps2: ArrayLike = (0.0, 0.0, 0.0),
 ) -> str:
     """One line of 17 columns; numbers are written so that they read back exactly."""
-    x, y, z, w = np.asarray(quat_xyzw, dtype=np.float64).tolist()
-    vectors = [
-        np.asarray(v, dtype=np.float64).tolist()
-        for v in (velocity_world_mps, gyro_bias_radps, accel_bias_mps2)
-    ]
-    columns = [
-        *np.asarray(position_m, dtype=np.float64).tolist(),
-        w,
-        x,
-        y,
-        z,
-        *(v for vs in vectors for v in vs),
-    ]
-    return f"{unix_ns}," + ",".join(repr(float(value)) for value in columns)
+    w_first = np.roll(np.asarray(quat_xyzw, np.float64), 1)
+    columns = (position_m, w_first, velocity_world_mps, gyro_bias_radps, accel_bias_mps2)
+    numbers = np.concatenate([np.asarray(column, np.float64) for column in columns])
+    return ",".join([str(unix_ns), *map(repr, numbers.tolist())])
 
 
 def write_state_csv(
@@ -62,17 +52,15 @@ def write_state_csv(
     Raises:
         WriterError: the file exists or cannot be written.
     """
-    rows = np.zeros((len(motion.stamp_ns), 6)) if biases is None else biases
-    lines = [STATE_HEADER]
-    for k, stamp in enumerate(motion.stamp_ns.tolist()):
-        lines.append(
-            state_line(
-                epoch_ns + stamp,
-                motion.position_m[k],
-                motion.quat_xyzw[k],
-                motion.velocity_world_mps[k],
-                rows[k, 3:],
-                rows[k, :3],
-            )
-        )
-    write_text(path, "\n".join(lines) + "\n")
+    if biases is None:
+        biases = np.zeros((len(motion.stamp_ns), 6))
+    states = zip(
+        (epoch_ns + motion.stamp_ns).tolist(),
+        motion.position_m,
+        motion.quat_xyzw,
+        motion.velocity_world_mps,
+        biases[:, 3:],
+        biases[:, :3],
+        strict=True,
+    )
+    write_text(path, "\n".join([STATE_HEADER, *(state_line(*state) for state in states)]) + "\n")

@@ -95,27 +95,24 @@ class RawWriter(Writer):
 
 def _row(sample: Sample) -> NDArray[np.void]:
     """A structured row of the stamp and all numbers of a sample; texts have 16 letters."""
-    values: list[tuple[str, Any]] = [("stamp_ns", np.int64(sample.stamp_ns))]
-    for field in fields(sample):
-        value = getattr(sample, field.name)
-        if field.name in ("sensor", "frame_id", "stamp_ns") or value is None:
-            continue
-        values.append((field.name, np.array(value, "U16") if isinstance(value, str) else np.asarray(value)))
-    dtype = np.dtype([(name, np.asarray(v).dtype.str, np.asarray(v).shape) for name, v in values])
-    row = np.zeros((), dtype)
-    for name, value in values:
+    values = {"stamp_ns": np.asarray(np.int64(sample.stamp_ns)), **_arrays(sample)}
+    values = {
+        name: value.astype("U16") if value.dtype.kind == "U" else value for name, value in values.items()
+    }
+    row = np.zeros((), [(name, value.dtype.str, value.shape) for name, value in values.items()])
+    for name, value in values.items():
         row[name] = value
     return row
 
 
 def _arrays(sample: Sample) -> dict[str, NDArray[Any]]:
-    """All fields of a sample that say something, but for its name and stamp, which the path has."""
-    found = {}
-    for field in fields(sample):
-        value = getattr(sample, field.name)
-        if field.name not in ("sensor", "frame_id", "stamp_ns") and value is not None:
-            found[field.name] = np.asarray(value)
-    return found
+    """All fields of a sample that have a value, but for its name and stamp, which the path has."""
+    values = {field.name: getattr(sample, field.name) for field in fields(sample)}
+    return {
+        name: np.asarray(value)
+        for name, value in values.items()
+        if name not in ("sensor", "frame_id", "stamp_ns") and value is not None
+    }
 
 
 def _npz(arrays: dict[str, NDArray[Any]]) -> bytes:

@@ -4,21 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Events
-
-
-def definitions(store: Stores) -> dict[str, str]:
-    """The messages of the rpg_dvs_ros drivers, in the words of a type store's ROS."""
-    time = "time" if store == Stores.ROS1_NOETIC else "builtin_interfaces/Time"
-    return {
-        "dvs_msgs/msg/Event": f"uint16 x\nuint16 y\n{time} ts\nbool polarity\n",
-        "dvs_msgs/msg/EventArray": "std_msgs/Header header\nuint32 height\nuint32 width\n"
-        "dvs_msgs/Event[] events\n",
-    }
-
 
 _ROS1 = np.dtype([("x", "<u2"), ("y", "<u2"), ("sec", "<u4"), ("nsec", "<u4"), ("polarity", "u1")])
 _CDR = np.dtype(

@@ -15,48 +15,35 @@ from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry import transforms as geometry
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.lens_distortion import Lens
-from recorder.writers.ros import event_messages
+from recorder.writers.yaml_text import filled
 
 Message = Any
 """An object of one of the typestore's classes, which exist at run time only."""
 _FLOAT32, _UINT32, _UINT16, _UINT8 = 7, 6, 4, 2
 _DATATYPES = {"<f4": _FLOAT32, "<u4": _UINT32, "<u2": _UINT16, "|u1": _UINT8}
-_DEFINITIONS = {
-    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
-    "derived_object_msgs/msg/Object": "std_msgs/Header header\nuint32 id\nuint8 detection_level\n"
-    "uint8 OBJECT_DETECTED=0\nuint8 OBJECT_TRACKED=1\nbool object_classified\ngeometry_msgs/Pose pose\n"
-    "geometry_msgs/Twist twist\ngeometry_msgs/Accel accel\ngeometry_msgs/Polygon polygon\n"
-    "shape_msgs/SolidPrimitive shape\nuint8 classification\nuint8 CLASSIFICATION_UNKNOWN=0\n"
-    "uint8 CLASSIFICATION_UNKNOWN_SMALL=1\nuint8 CLASSIFICATION_UNKNOWN_MEDIUM=2\n"
-    "uint8 CLASSIFICATION_UNKNOWN_BIG=3\nuint8 CLASSIFICATION_PEDESTRIAN=4\nuint8 CLASSIFICATION_BIKE=5\n"
-    "uint8 CLASSIFICATION_CAR=6\nuint8 CLASSIFICATION_TRUCK=7\nuint8 CLASSIFICATION_MOTORCYCLE=8\n"
-    "uint8 CLASSIFICATION_OTHER_VEHICLE=9\nuint8 CLASSIFICATION_BARRIER=10\nuint8 CLASSIFICATION_SIGN=11\n"
-    "uint8 classification_certainty\nuint32 classification_age\n",
-    "derived_object_msgs/msg/ObjectArray": "std_msgs/Header header\nderived_object_msgs/Object[] objects\n",
-    "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
-    "float32 doppler_velocity\nfloat32 amplitude\n",
-    "can_msgs/msg/Frame": "std_msgs/Header header\nuint32 id\nbool is_rtr\nbool is_extended\n"
-    "bool is_error\nuint8 dlc\nuint8[8] data\n",
-    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n",
-}
-"""Public message types that the type stores of rosbags lack, or that ROS 1's does."""
-
-_FOXGLOVE = {
-    "foxglove_msgs/msg/CompressedVideo": "{time} timestamp\nstring frame_id\nuint8[] data\nstring format\n",
-    "foxglove_msgs/msg/CompressedPointCloud": "{time} timestamp\nstring frame_id\ngeometry_msgs/Pose pose\n"
-    "uint8[] data\nstring format\n",
-}
-"""Foxglove's schemas, in which the type of time depends on the ROS."""
+_DEFINED = (
+    "tf2_msgs/TFMessage",
+    "derived_object_msgs/Object",
+    "derived_object_msgs/ObjectArray",
+    "radar_msgs/RadarReturn",
+    "radar_msgs/RadarScan",
+    "can_msgs/Frame",
+    "foxglove_msgs/CompressedVideo",
+    "foxglove_msgs/CompressedPointCloud",
+    "dvs_msgs/Event",
+    "dvs_msgs/EventArray",
+)
+"""Message types that rosbags lacks, at least for ROS 1; their definitions lie in ``templates/ros``."""
 
 
 def make_typestore(store: Stores = Stores.ROS1_NOETIC) -> Typestore:
     """Type store with all message types that the writers use."""
     typestore = get_typestore(store)
     time = "time" if store == Stores.ROS1_NOETIC else "builtin_interfaces/Time"
-    foxglove = {name: text.format(time=time) for name, text in _FOXGLOVE.items()}
-    for name, text in {**_DEFINITIONS, **foxglove, **event_messages.definitions(store)}.items():
-        if name not in typestore.types:
-            typestore.register(get_types_from_msg(text, name))
+    for name in _DEFINED:
+        kind = name.replace("/", "/msg/")
+        if kind not in typestore.types:
+            typestore.register(get_types_from_msg(filled(f"ros/{name}.msg", time=time), kind))
     return typestore
 
 
