@@ -166,7 +166,7 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
             keep_shared(config, feed.shared, len(batch.jobs))
             streams = [stream_of(job) for job in batch.jobs]
             for stream in {stream.plan.config.out: stream for stream in streams}.values():
-                stream.tell_movers(shares)
+                stream.write_movers(shares)
         except EvaluationError as error:
             fault = str(error)
     for job, record, fingerprint in zip(batch.jobs, records, work.fingerprints, strict=True):

@@ -56,7 +56,7 @@ def topic_of(
     streams: Collection[str],
     encoders: Collection[str],
 ) -> str | None:
-    """Topic of the first of some streams that a profile writes by one of some encoders; None: it has none.
+    """Topic of the first wanted stream that a profile writes by a known encoder; None: it has none.
 
     Args:
         profile: Topics of the bag.

@@ -12,12 +12,12 @@ from recorder.dataset.layout import CHECKSUMS
 
 
 def checksums(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file below a folder, by its path; hidden ones and its own `CHECKSUMS` are left out."""
+    """SHA-256 by path of every file below a folder, but hidden files and the folder's `CHECKSUMS`."""
     return {name: file_sha256(folder / name) for name in _names(folder)}
 
 
 def write_checksums(folder: Path) -> None:
-    """Write `CHECKSUMS`; files of sub-folders that have one already are taken from there.
+    """Write `CHECKSUMS`; sums of sub-folders with a `CHECKSUMS` are copied from there.
 
     Raises:
         WriterError: it cannot be written.
@@ -32,7 +32,7 @@ def write_checksums(folder: Path) -> None:
 
 
 def read_checksums(folder: Path, error: type[CarlaLocError] = ConfigError) -> dict[str, str]:
-    """What `CHECKSUMS` of a folder says: SHA-256 by path.
+    """SHA-256 of a folder's files by path, from its `CHECKSUMS`.
 
     Raises:
         CarlaLocError: of the kind `error`; it cannot be read.

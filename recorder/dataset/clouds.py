@@ -1,4 +1,4 @@
-"""Point clouds of messages: `sensor_msgs/PointCloud2` by its own fields, and Livox's `CustomMsg`."""
+"""Point clouds of messages: `sensor_msgs/PointCloud2` with any fields, and Livox's `CustomMsg`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NAMES = {
     "intensity": ("intensity", "intensities", "reflectivity"),
     "label": ("label",),
 }
-"""Names of fields in lower case by what is read of them, the likeliest first."""
+"""Names of fields in lower case by their role, the likeliest first."""
 _TIME = re.compile(
     r"(?:(?:point|offset|relative|rel|delta)_?)?(?:time_?stamp|time|stamp|ts|t)(?:_?(?:offset|relative|rel))?"
     r"(?:_(?P<unit>ns|nsec|us|usec|ms|msec|s|sec))?"
@@ -64,11 +64,11 @@ class Cloud:
 
 
 def cloud_of_fields(message: Any, time_field: str | None = None) -> Cloud:
-    """Points of a `sensor_msgs/PointCloud2`, each field by its own datatype, offset and byte order.
+    """Points of a `sensor_msgs/PointCloud2`, each field by its datatype, offset and byte order.
 
     Args:
         message: The message, as rosbags reads it.
-        time_field: The field that holds times; None: those whose names say so.
+        time_field: The field that holds times; None: those with names of times.
 
     Raises:
         EvaluationError: it has no x, y, z, lacks the field of times, or contradicts itself.
@@ -129,14 +129,14 @@ def cloud_of_livox(raw: bytes, *, is_cdr: bool, time_field: str | None = None) -
 
 
 def unit_in_name(field: str) -> str | None:
-    """Unit that the name of a field of times tells: s, ms, us or ns."""
+    """Unit in the name of a field of times: s, ms, us or ns; None: it has none."""
     found = _TIME.fullmatch(field.lower())
     unit = found["unit"] if found else None
     return unit and unit.removesuffix("ec")
 
 
 def _roles(fields: tuple[str, ...], time_field: str | None) -> tuple[dict[str, str], list[str]]:
-    """Fields by what is read of them, and those that may hold times."""
+    """Fields by their role, and those that may hold times."""
     lower = {name.lower(): name for name in reversed(fields)}
     roles: dict[str, str] = {}
     for role, known in _NAMES.items():

@@ -1,4 +1,4 @@
-"""Readings of a sequence from a feed: what a system reads while a drive's sensor data are made."""
+"""Readings of a sequence from a feed, which makes a drive's sensor data while a system reads them."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from recorder.dataset.readings import ImuSample, StereoPair
 from recorder.dataset.scans import Scan
 
 NEXT, STAMPS, IMU = "next", "stamps", "imu"
-"""What a feed is asked for: the next frame (None: there is none), times of all frames, inertial samples."""
+"""Requests to a feed: the next frame (None: there is none), times of all frames, inertial samples."""
 
 
 class FeedReadings:
     """Asks a feed, see `Readings`; frames come once, in the order of time.
 
     Args:
-        connection: The system's own connection to the feed.
+        connection: The system's connection to the feed.
     """
 
     def __init__(self, connection: Connection) -> None:

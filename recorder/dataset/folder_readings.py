@@ -114,7 +114,7 @@ class FolderReadings:
                 for camera in ("cam0", "cam1")
             )
             if left is None or right is None:
-                raise EvaluationError(f"{self.euroc} lacks an image of {stamp}; replay it anew")
+                raise EvaluationError(f"{self.euroc} lacks an image of {stamp}; replay it again")
             yield StereoPair(stamp_ns=stamp, left=np.asarray(left), right=np.asarray(right))
 
     @cached_property

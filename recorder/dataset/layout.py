@@ -71,10 +71,10 @@ def check_formats(formats: tuple[str, ...]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class SequenceFolder:
-    """Where the files of a sequence lie."""
+    """Paths of the files of a sequence."""
 
     path: Path
-    """The folder, or a temporary one beside it (``.NAME.part``)."""
+    """The folder, or a temporary folder beside it (``.NAME.part``)."""
 
     @property
     def name(self) -> str:
@@ -117,15 +117,15 @@ class SequenceFolder:
 
     @property
     def bags(self) -> list[Path]:
-        """Bags that are there, those without movers last."""
-        names = [name for name, one in FORMATS.items() if one.is_bag]
+        """Existing bags, those without movers last."""
+        names = [name for name, found in FORMATS.items() if found.is_bag]
         places = [self.place(name, begin=begin) for begin in ("", SEG_BAG) for name in names]
         return [path for path in places if path.exists()]
 
 
 @dataclass(frozen=True, slots=True)
 class DriveFolder:
-    """Where the sequences of a drive and what they share lie."""
+    """Paths of a drive's sequences and shared files."""
 
     path: Path
     """The folder; its name is that of the town."""
@@ -161,7 +161,7 @@ class DriveFolder:
 
 @dataclass(frozen=True, slots=True)
 class DatasetFolder:
-    """Where drives and descriptions of a dataset lie."""
+    """Paths of the drives and descriptions of a dataset."""
 
     path: Path
     """The folder."""

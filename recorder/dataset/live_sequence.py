@@ -1,4 +1,4 @@
-"""A drive that goes on while a system reads it: sweeps and inertial samples as they come, and no folder."""
+"""A drive in progress, read by a system: sweeps and inertial samples as they come, without a folder."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from recorder.dataset.sequence import RAW, SlamSequence
 
 
 class LiveReadings(FeedReadings):
-    """Asks whoever drives for each sweep, see `Readings`; with it come the inertial samples up to its end.
+    """Asks the driving process for each sweep, see `Readings`; inertial samples up to its end come with it.
 
     Args:
-        connection: The system's own connection.
+        connection: The system's connection.
     """
 
     def __init__(self, connection: Connection) -> None:
         super().__init__(connection)
         self.imu: deque[ImuSample] = deque()
-        """Inertial samples that nothing has taken yet."""
+        """Inertial samples that are not taken yet."""
 
     def scans(self) -> Iterator[Scan]:
         """Sweeps until the drive ends."""
@@ -39,11 +39,11 @@ class LiveReadings(FeedReadings):
 
 
 class LiveSequence(SlamSequence):
-    """The rig of a drive that goes on, and its readings.
+    """The rig of a drive in progress, and its readings.
 
     Args:
         rig: The sensors.
-        connection: The system's own connection to whoever drives.
+        connection: The system's connection to the driving process.
     """
 
     def __init__(self, rig: SensorRig, connection: Connection) -> None:
@@ -52,5 +52,5 @@ class LiveSequence(SlamSequence):
         self._readings, self._imu = readings, readings.imu
 
     def __getattr__(self, name: str) -> NoReturn:
-        """Refuse what a folder would have: description, calibration, truth."""
+        """Refuse attributes of a folder: description, calibration, truth."""
         raise AttributeError(f"a drive that goes on has no '{name}', which is that of a sequence's folder")

@@ -1,4 +1,4 @@
-"""``dataset.yaml`` and ``sequence.yaml``: where a dataset comes from, and what each of its sequences holds.
+"""``dataset.yaml`` and ``sequence.yaml``: origin of a dataset, and content of each of its sequences.
 
 A dataset has one or more drives, each in the folder of its town. `carlaloc replay` adds one drive,
 `carlaloc dataset` as many as its recipe names; the description is the same.
@@ -31,14 +31,14 @@ VERSIONED = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headl
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DatasetManifest:
-    """What ``dataset.yaml`` says."""
+    """Content of ``dataset.yaml``."""
 
     drives: Mapping[str, Mapping[str, Any]]
-    """Where each drive comes from, by town: `drive_origin`."""
+    """Origin of each drive, by town: `drive_origin`."""
     recipe: Mapping[str, Any] | None = None
-    """What `carlaloc dataset` was asked for; None: the drives were replayed one by one."""
+    """Request of `carlaloc dataset`; None: the drives were replayed separately."""
     versions: Mapping[str, str] = field(default_factory=dict)
-    """Versions of what made the dataset, by distribution."""
+    """Versions of the software that made the dataset, by distribution."""
     sequences: tuple[str, ...] = ()
     """Paths of all finished sequences, ``TOWN/WEATHER_TRAFFIC``."""
 
@@ -92,7 +92,7 @@ class DatasetManifest:
 def drive_origin(
     episode: Episode, rig: SensorRig, *, seed: int, span_ns: tuple[int, int], topics: str
 ) -> dict[str, Any]:
-    """What all sequences of a drive share, as YAML values.
+    """Description that all sequences of a drive share, as YAML values.
 
     Args:
         episode: The drive.
@@ -142,7 +142,7 @@ def has_drive(out: Path, town: str, origin: Mapping[str, Any]) -> bool:
 
 
 def list_drive(out: Path, town: str, origin: Mapping[str, Any]) -> None:
-    """Add a drive to ``dataset.yaml``, list all finished sequences, and write ``SHA256SUMS`` anew.
+    """Add a drive to ``dataset.yaml``, list all finished sequences, and rewrite ``SHA256SUMS``.
 
     Raises:
         WriterError: they cannot be written.
@@ -158,7 +158,7 @@ def list_drive(out: Path, town: str, origin: Mapping[str, Any]) -> None:
 def write_manifest(
     out: Path, drives: Mapping[str, Mapping[str, Any]], recipe: Mapping[str, Any] | None
 ) -> None:
-    """Write ``dataset.yaml`` and ``SHA256SUMS`` of all that lies in the folder.
+    """Write ``dataset.yaml`` and ``SHA256SUMS`` of all files in the folder.
 
     Raises:
         WriterError: they cannot be written.
@@ -167,7 +167,7 @@ def write_manifest(
         **({} if recipe is None else {"recipe": dict(recipe)}),
         "drives": {town: dict(origin) for town, origin in drives.items()},
         "versions": {**{name: version(name) for name in VERSIONED}, "python": platform.python_version()},
-        "sequences": [str(one.path.relative_to(out)) for one in sequences_below(out)],
+        "sequences": [str(folder.path.relative_to(out)) for folder in sequences_below(out)],
     }
     with atomic_write(out / DATASET, WriterError) as part:
         part.write_text(as_yaml(document), encoding="utf-8")
@@ -176,7 +176,7 @@ def write_manifest(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceDescription:
-    """What ``sequence.yaml`` says."""
+    """Content of ``sequence.yaml``."""
 
     name: str
     """Weather and traffic level."""

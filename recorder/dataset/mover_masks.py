@@ -1,4 +1,4 @@
-"""Images without what moves by itself: masks of labelled images, and painting over."""
+"""Images without movers: masks of labelled images, and painting over."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from recorder.dataset.bags import messages, stamp_ns
 from recorder.dataset.readings import StereoPair
 
 cv2: Any = untyped_cv2
-"""OpenCV, whose stubs know arrays of one type only."""
+"""OpenCV; its stubs know arrays of a single type."""
 
 MARGIN_PX = 4
 """Width of the rim around a mover that is painted over, too: features look at their surroundings [px]."""
 SHRINK = 4
-"""Paint is mixed in pictures so much smaller: it has to be smooth, not sharp."""
+"""Factor by which pictures are reduced for inpainting: it must be smooth, not sharp."""
 
 Mask: TypeAlias = tuple[int, NDArray[np.bool_]]
 """Unix time of an image [ns], and where it shows movers, shape (H, W)."""
@@ -65,7 +65,7 @@ def pairs_without_movers(
 def without_movers(pair: StereoPair, left: NDArray[np.bool_], right: NDArray[np.bool_]) -> StereoPair:
     """A pair in which movers are painted over in the tones around them, with the mask of the left image.
 
-    Systems that take no mask find little to hold on to in smooth paint; those that do get it.
+    Systems without masks find few features in smooth paint; systems with masks get them.
     """
     return replace(
         pair, left=painted_over(pair.left, left), right=painted_over(pair.right, right), left_mover=left

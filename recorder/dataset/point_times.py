@@ -1,8 +1,8 @@
 """Times of the points of clouds: which field they are, in which unit, and after which instant they count.
 
 Drivers differ: seconds after the header's stamp, before it where that is the sweep's end, nanoseconds since
-1970, a clock of the sensor's own. The first clouds of a topic tell: times that begin anew in each cloud are
-relative, times that run on with the headers are absolute, and how far they run tells their unit.
+1970, a clock inside the sensor. The first clouds of a topic decide: times that restart in each cloud are
+relative, times that advance with the headers are absolute, and their range shows their unit.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ NO_TIMES = "none"
 """Stands for a field: clouds are read without times."""
 
 _SWEEP_NS = 100_000_000
-"""Length of a sweep where a single cloud does not tell it."""
+"""Length of a sweep where there is a single cloud."""
 _DRIVER_NS = 1_000_000_000
-"""Longest time between points and the header's stamp, if both are of one clock."""
+"""Longest time between points and the header's stamp, if both have the same clock."""
 _SWEEP_SHARES = (0.05, 1.5)
-"""How much of the time between two clouds the points of one may take."""
+"""Least and greatest length of a sweep, as a share of the time between clouds."""
 _BEGIN_SHARE = 0.1
 """How much of a sweep may pass before its first return, where the header's stamp is its beginning."""
 
 
 class Since(Enum):
-    """What times of points count from."""
+    """Zero of the times of points."""
 
     HEADER = "the header's stamp, at which the sweep begins"
     AROUND_HEADER = "the header's stamp, wherever in the sweep it lies"
@@ -59,10 +59,10 @@ class TimeRule:
     def read(self, cloud: Cloud) -> tuple[int, NDArray[np.float64]]:
         """Unix time of the first point [ns], and times of all after it [s], shape (N,); zeros without times.
 
-        Where times count from the sweep's beginning, that stands for the first point.
+        Where times count from the sweep's beginning, its time stands for the first point's.
 
         Raises:
-            EvaluationError: the cloud lacks the field, or its times are no times.
+            EvaluationError: the cloud lacks the field, or its times are not numbers.
         """
         count = len(cloud.points_xyz_m)
         if self.field is None or not count:
@@ -83,13 +83,13 @@ class TimeRule:
 def time_rule(
     clouds: Sequence[Cloud], where: str, *, field: str | None = None, unit: str | None = None
 ) -> TimeRule:
-    """How the times of a topic's clouds are read, by its first ones; what is not certain is logged.
+    """How the times of a topic's clouds are read, by its first ones; uncertain guesses are logged.
 
     Args:
-        clouds: The first clouds; two or more tell relative from absolute times.
+        clouds: The first clouds; two or more distinguish relative from absolute times.
         where: Bag and topic, for the log.
-        field: Field of the times, or `NO_TIMES`; None: the one whose name says so.
-        unit: One of `UNITS_NS`; None: by what the times show.
+        field: Field of the times, or `NO_TIMES`; None: the first with a name of times.
+        unit: One of `UNITS_NS`; None: by the size of the times.
 
     Raises:
         ConfigError: there is no such unit.
@@ -155,7 +155,7 @@ def _unit(
     name: str, raw: float, real_ns: float, shares: tuple[float, float], is_float: bool, where: str,
     *, is_certain: bool = False,
 ) -> str:  # fmt: skip
-    """The unit in which a time is a fitting share of a known one; else that which its datatype suggests."""
+    """The unit in which a time is a fitting share of a known time, else its datatype's usual unit."""
     least, most = shares
     usual = "s" if is_float else "ns"
     fitting = [u for u, ns in UNITS_NS.items() if least * real_ns <= raw * ns <= most * real_ns]

@@ -1,4 +1,4 @@
-"""What systems read, and the protocol of all that gives it: the files of a folder, or a drive."""
+"""Sensor data as systems read them, and the protocol of their sources: a folder's files, or a drive."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImuSample:
-    """One inertial sample."""
+    """An inertial sample."""
 
     stamp_ns: int
     """Unix time [ns]."""
@@ -30,7 +30,7 @@ class ImuSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StereoPair:
-    """Two grey images of one instant."""
+    """Two grey images of the same instant."""
 
     stamp_ns: int
     """Unix time [ns]."""
@@ -39,13 +39,13 @@ class StereoPair:
     right: U8
     """Right image, shape (H, W)."""
     left_mover: NDArray[np.bool_] | None = None
-    """Where the left image shows what moves by itself, painted over; None: nothing was. Shape (H, W)."""
+    """Where movers of the left image are painted over; None: nowhere. Shape (H, W)."""
 
 
 class Readings(Protocol):
     """Sensor data of a sequence in the order of time.
 
-    All of it raises `EvaluationError` where the sequence has none of what is asked for.
+    All methods raise `EvaluationError` where the sequence lacks the requested data.
     """
 
     @property

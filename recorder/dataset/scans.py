@@ -31,9 +31,9 @@ from recorder.dataset.point_times import NO_TIMES, TimeRule, time_rule
 _LOG = logging.getLogger(__name__)
 
 DEFAULT_TOPIC = "/lidar/points"
-"""Topic of the clouds of our own bags."""
+"""Topic of the clouds of our bags."""
 _LOOKED_AT = 10
-"""Number of clouds with points that tell how times are read."""
+"""Number of clouds with points by which the rule of times is chosen."""
 
 Progress = Callable[[int, int], None]
 """Called with scans done and scans in all."""
@@ -79,7 +79,7 @@ class Scan:
 
 
 class ScanSource(Protocol):
-    """What gives sweeps: a sequence of a dataset, or a topic of a bag."""
+    """A source of sweeps: a sequence of a dataset, or a topic of a bag."""
 
     def scans(self) -> Iterator[Scan]:
         """All sweeps."""
@@ -87,12 +87,12 @@ class ScanSource(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanTimes:
-    """What a user says of the times of points."""
+    """The user's options for the times of points."""
 
     field: str | None = None
-    """Field of the clouds that they are, or `NO_TIMES`; None: the one whose name says so."""
+    """Field of the times, or `NO_TIMES`; None: the first with a name of times."""
     unit: str | None = None
-    """Their unit, s, ms, us or ns; None: by what they show."""
+    """Their unit, s, ms, us or ns; None: by their size."""
 
 
 def read_scans(
@@ -104,7 +104,7 @@ def read_scans(
         bag: A bag as `open_bag` takes it.
         topic: Topic of `sensor_msgs/PointCloud2` or Livox's `CustomMsg`; None: ``/lidar/points`` if there are
             clouds on it, else the only one.
-        times: How times of points are read, or what is known of them before the first clouds are looked at.
+        times: Rule by which times are read, or options for choosing it by the first clouds.
 
     Raises:
         EvaluationError: the bag is missing or damaged, has no such topic, or a cloud lacks x, y, z.
@@ -153,10 +153,10 @@ def scans_of(
     Args:
         clouds: Clouds, each with the Unix time at which it was recorded [ns].
         where: Bag and topic, for notes and errors.
-        times: How times of points are read, or what is known of them before the first clouds are looked at.
+        times: Rule by which times are read, or options for choosing it by the first clouds.
 
     Raises:
-        EvaluationError: times are missing in a cloud, or are no times.
+        EvaluationError: times are missing in a cloud, or are not numbers.
         ConfigError: there is no such unit of time.
     """
     has_stamps = True

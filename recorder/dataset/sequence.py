@@ -1,4 +1,4 @@
-"""A sequence as SLAM systems read it: sweeps, inertial samples, stereo images, calibration, truth."""
+"""A sequence for SLAM systems: sweeps, inertial samples, stereo images, calibration, truth."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class SlamSequence:
     Args:
         folder: Folder with a ``sequence.yaml``, as ``carlaloc replay`` writes it.
         cloud: Which points the sweeps hold, `RAW` or `SEGMENTED`.
-        readings: Where sweeps, images and inertial samples come from; None: the folder's own files.
+        readings: Where sweeps, images and inertial samples come from; None: the folder's files.
 
     Raises:
         EvaluationError: there is no such folder, or it was taken out of its dataset.
     """
 
     def __init__(self, folder: Path, *, cloud: str = RAW, readings: Readings | None = None) -> None:
-        # A relative path of one or two parts does not name the dataset's folder.
+        # A relative path of two parts or fewer does not name the dataset's folder.
         self.files, self.cloud = SequenceFolder(folder if len(folder.parts) > 2 else folder.resolve()), cloud
         dataset = self.files.drive.dataset
         if self.files.description.is_file() and not dataset.description.is_file():
@@ -144,7 +144,7 @@ class SlamSequence:
 
     @property
     def has_labelled_scans(self) -> bool:
-        """Whether its sweeps can be had without movers: the first one has labels."""
+        """Whether its first sweep has labels, by which movers can be removed."""
         try:
             first = next(self._readings.scans(), None)
         except EvaluationError:
@@ -152,7 +152,7 @@ class SlamSequence:
         return first is not None and first.tag is not None
 
     def scans(self) -> Iterator[Scan]:
-        """All sweeps, without what moves by itself if the cloud is `SEGMENTED`.
+        """All sweeps, without movers if the cloud is `SEGMENTED`.
 
         Raises:
             EvaluationError: there are no clouds, or none with labels where they are needed.

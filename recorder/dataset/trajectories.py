@@ -27,7 +27,7 @@ _POSE_OF: dict[str, Callable[[Any], tuple[Any, Any]]] = {
 """Position and attitude of a message, by its type; evo reads the same types."""
 _PATH = "nav_msgs/msg/Path"
 _KINDS = (tuple(_POSE_OF), (_PATH,), TF_TYPES)
-"""Types that are read; those of a former group are taken before those of a later one."""
+"""Types that are read; earlier groups take precedence."""
 _LOG = logging.getLogger(__name__)
 
 Row = tuple[int, float, float, float, float, float, float, float]
@@ -46,7 +46,7 @@ def read_trajectory(
 
     Args:
         path: A ROS 1 or ROS 2 bag, or a text file: see `read_text_trajectory`.
-        times: Times of KITTI's poses, one a line; None: ``times.txt`` beside the file.
+        times: Times of KITTI's poses, a line each; None: ``times.txt`` beside the file.
         topic: Topic of a bag, ``/tf:map.base_link`` for two frames of a tree; None: the only one with poses.
         quaternion: ``xyzw`` or ``wxyz``, where a text does not name its columns; None: by form and motion.
         time_unit: Unit of the times of a text: ``s``, ``ms``, ``us`` or ``ns``; None: by name or size.
@@ -63,12 +63,12 @@ def read_trajectory(
 def read_bag(path: Path, topic: str | None = None) -> Trajectory:
     """Poses of one topic of a ROS 1 or ROS 2 bag, at the times in their headers.
 
-    Of a `nav_msgs/Path` the last message counts, if it reaches back to the beginning of the first one; else
-    poses of all of them, those of later messages before those of earlier ones.
+    Of a `nav_msgs/Path` the last message counts, if it reaches back to the beginning of the first; else the
+    poses of all messages, where later messages take precedence.
 
     Args:
         path: A ``.bag``, ``.mcap`` or ``.db3`` file, or the folder of a ROS 2 bag.
-        topic: The topic, ``/tf:map.base_link`` for two frames of a tree; None: the only one that holds poses.
+        topic: The topic, ``/tf:map.base_link`` for two frames of a tree; None: the only topic with poses.
 
     Raises:
         EvaluationError: the bag is missing or damaged, or has no such topic.
@@ -109,7 +109,7 @@ def _chosen(path: Path, reader: AnyReader, topic: str | None) -> str:
 
 
 def _read(types: dict[str, str]) -> str:
-    """What is read, and what a bag has."""
+    """Types that are read, and types of a bag."""
     read = ", ".join(
         kind.replace("/msg/", "/") for kinds in _KINDS for kind in kinds[:4] if kind != TF_TYPES[1]
     )
@@ -127,7 +127,9 @@ def _pose_rows(path: Path, reader: AnyReader, topic: str) -> list[Row]:
         frames.add((message.header.frame_id, getattr(message, "child_frame_id", "")))
     if len(frames) > 1:
         pairs = ", ".join(sorted(" to ".join(filter(None, pair)) for pair in frames))
-        _LOG.warning("%s: %s holds poses of several frames (%s), read as of one", path, topic, pairs)
+        _LOG.warning(
+            "%s: %s holds poses of several frames (%s), read as a single frame's", path, topic, pairs
+        )
     if len(rows) > 1 and len({row[0] for row in rows}) == 1:
         _LOG.warning("%s: messages on %s have no stamps; the times of their recording are taken", path, topic)
         rows = [(at_ns, *row[1:]) for at_ns, row in zip(recorded_ns, rows, strict=True)]

@@ -21,7 +21,7 @@ TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _LOG = logging.getLogger(__name__)
 
 Tree = dict[str, tuple[str, Trajectory]]
-"""Of each frame its parent, and how it moves there; one pose: it is fixed."""
+"""Parent of each frame, and its motion there; a single pose: it is fixed."""
 
 
 def messages_of(reader: AnyReader, topic: str) -> Iterator[tuple[str, int, Any]]:
@@ -31,16 +31,16 @@ def messages_of(reader: AnyReader, topic: str) -> Iterator[tuple[str, int, Any]]
 
 
 def read_tree(path: Path, reader: AnyReader, topic: str, frames: str = "") -> Trajectory:
-    """How a frame moves in another one, at the stamps of the link between them that has most.
+    """Motion of a frame in another, at the stamps of the link between them with the most poses.
 
     Args:
         path: The bag.
         reader: Opened.
         topic: Topic of the transforms; fixed ones are taken from its neighbour ``…_static``.
-        frames: ``PARENT.CHILD``; empty: the frame that goes farthest, in the frame above all, with a warning.
+        frames: ``PARENT.CHILD``; empty: the frame with the longest path, in the root frame, with a warning.
 
     Raises:
-        EvaluationError: there is no such frame, or none below the other.
+        EvaluationError: there is no such frame, or the child is not below the parent.
     """
     tree = _tree(path, reader, topic)
     pairs = {f"{parent}.{child}": (parent, child) for child in tree for parent in _above(tree, child)}
@@ -90,7 +90,7 @@ def _tree(path: Path, reader: AnyReader, topic: str) -> Tree:
 
 
 def _above(tree: Tree, frame: str) -> list[str]:
-    """The frames above another one, its parent first.
+    """The frames above another, its parent first.
 
     Raises:
         EvaluationError: they are a circle.

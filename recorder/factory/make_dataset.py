@@ -1,7 +1,7 @@
 """The whole dataset: a drive in each town, each of them replayed under all conditions.
 
-Drives are recorded by the scripted driver with fixed seeds, or are a person's. Each is a replay into the same
-folder, and the same command goes on where it was.
+The scripted driver records the drives with fixed seeds, or a person has driven them. Each is replayed into
+the same folder. The same command resumes an interrupted run.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from recorder.replaying.plan import ReplayConfig, ReplayOptions
 from recorder.replaying.replay import replay
 
 WORK = ".carlaloc-dataset"
-"""Folder that one run holds at a time; it says of which recipe."""
+"""Folder with the recipe of the run; locked, so that only a single run works at a time."""
 Progress = Callable[[float, float, str], None]
-"""Called about every second with seconds of driving that are replayed and in all, and what is being done."""
+"""Called about every second with seconds of driving that are replayed and in all, and the present step."""
 _log = logging.getLogger(__name__)
 
 
 def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Path:
-    """Record, replay and list all drives; what is whole already is kept.
+    """Record, replay and list all drives; whole ones are kept.
 
     Args:
-        config: What to make.
+        config: The dataset.
         progress: Called with the progress of all drives.
 
     Returns:
@@ -53,19 +53,19 @@ def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Pat
         for number, town in enumerate(config.towns):
             if town in plan.whole:
                 continue
-            tell = _Told(progress, lengths_s, number)
-            _get_drive(config, town, tell)
+            report = _DriveProgress(progress, lengths_s, number)
+            _get_drive(config, town, report)
             lengths_s[town] = length_s(config, town)
             later = tuple(lengths_s[t] for t in config.towns[number + 1 :] if t not in plan.whole)
-            _make_drive(config, town, tell, later)
+            _make_drive(config, town, report, later)
         manifest = DatasetManifest.read(config.out, WriterError)
         write_manifest(config.out, manifest.drives, recipe)
         shutil.rmtree(config.out / WORK, ignore_errors=True)
     return DatasetFolder(config.out).description
 
 
-class _Told:
-    """Tells of the drive in hand as a part of all drives."""
+class _DriveProgress:
+    """Reports the progress of a drive as a part of all drives."""
 
     def __init__(self, progress: Progress | None, lengths_s: Mapping[str, float], number: int) -> None:
         self._progress, self._lengths_s = progress, lengths_s
@@ -73,20 +73,20 @@ class _Told:
         self._name = f"{self._town} ({number + 1} of {len(lengths_s)})"
 
     def driving(self, driven_s: float, route_m: float) -> None:
-        self._tell(0.0, f"driving through {self._name}, {driven_s:.0f} s")
+        self._report(0.0, f"driving through {self._name}, {driven_s:.0f} s")
 
     def replaying(self, done_s: float, total_s: float) -> None:
         share = min(done_s / max(total_s, 1e-9), 1.0)
-        self._tell(share, f"replaying {self._name}, {share:.0%}")
+        self._report(share, f"replaying {self._name}, {share:.0%}")
 
-    def _tell(self, share: float, what: str) -> None:
+    def _report(self, share: float, what: str) -> None:
         if self._progress is not None:
             done_s = sum(self._lengths_s[town] for town in self._before) + share * self._lengths_s[self._town]
             self._progress(done_s, sum(self._lengths_s.values()), what)
 
 
 def copy_manifest(dataset: Path, folder: Path) -> None:
-    """Copy all that the same dataset is made of: drives, recipe, and checksums to compare with.
+    """Copy the input of the dataset: drives and recipe, with checksums to compare.
 
     Args:
         dataset: Folder of a finished dataset.
@@ -103,7 +103,7 @@ def copy_manifest(dataset: Path, folder: Path) -> None:
 
 
 def _recipe(config: DatasetConfig) -> dict[str, Any]:
-    """All that decides about the dataset beside the drives, as plain values."""
+    """Everything that determines the dataset beside the drives, as plain values."""
     r = config.replay
     return {
         "towns": list(config.towns), "weathers": list(r.weathers), "traffic": list(r.traffic),
@@ -117,7 +117,7 @@ def _recipe(config: DatasetConfig) -> dict[str, Any]:
 
 @contextmanager
 def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
-    """Hold the folder for one run; refuse one in which another dataset has been begun, or another run works.
+    """Hold the folder for one run; refuse one in which another dataset was begun, or another run works.
 
     Raises:
         WriterError: it is refused.
@@ -144,7 +144,7 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
         yield
 
 
-def _get_drive(config: DatasetConfig, town: str, tell: _Told) -> None:
+def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None:
     """Put the drive of a town into the dataset: a copy of a person's, or a new one by the scripted driver."""
     target = DatasetFolder(config.out).episode(town)
     if target.exists():
@@ -155,20 +155,20 @@ def _get_drive(config: DatasetConfig, town: str, tell: _Told) -> None:
             shutil.copy(config.episodes / f"{town}.mcap", part)
         return
     duration_s = None if config.sample_s is None else SAMPLE_FROM_S + config.sample_s + 0.1
-    record_drive(town, target, seed=config.seed_of(town), duration_s=duration_s, progress=tell.driving)
+    record_drive(town, target, seed=config.seed_of(town), duration_s=duration_s, progress=report.driving)
 
 
-def _make_drive(config: DatasetConfig, town: str, tell: _Told, later_s: Sequence[float]) -> None:
-    """Replay a drive; an interrupted replay goes on where it was."""
+def _make_drive(config: DatasetConfig, town: str, report: _DriveProgress, later_s: Sequence[float]) -> None:
+    """Replay a drive, or resume its replay."""
     begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
     _log.info("replaying %s", town)
     options = {field.name: getattr(config.replay, field.name) for field in fields(ReplayOptions)}
-    one = ReplayConfig(
+    replayed = ReplayConfig(
         **options,
         episode=DatasetFolder(config.out).episode(town),
         out=config.out,
         start_s=begin_s,
         duration_s=config.sample_s,
     )
-    replay(one, tell.replaying, later_s=later_s)
+    replay(replayed, report.replaying, later_s=later_s)
     _log.info("%s is whole", town)

@@ -1,4 +1,4 @@
-"""What a dataset of several drives will be, looked at before the first byte."""
+"""The plan of a dataset of several drives, checked before the first byte."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PACE_MPS = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DatasetConfig:
-    """What the dataset consists of."""
+    """Configuration of a dataset."""
 
     out: Path
     """Folder of the dataset."""
@@ -61,20 +61,20 @@ class DatasetConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DatasetPlan:
-    """What will be made."""
+    """Work that a dataset takes."""
 
     sequences: int
     """Number of sequences."""
     lengths_s: dict[str, float]
-    """Length of each town's stretch [s]; a rough one where the drive is yet to be recorded."""
+    """Length of each town's stretch [s]; an estimate where the drive is not recorded yet."""
     whole: tuple[str, ...]
-    """Towns of which all sequences are there."""
+    """Towns whose sequences are all finished."""
     drives: int
-    """Drives that are recorded or copied already."""
+    """Drives that are already recorded or copied."""
     parts: int
-    """Units and sequences that are there of towns which are not whole."""
+    """Finished units and sequences of unfinished towns."""
     kept: int
-    """Size of all that is there [bytes]."""
+    """Size of all existing files [bytes]."""
     free: int
     """Disk space that is free [bytes]."""
 
@@ -85,12 +85,12 @@ class DatasetPlan:
 
 
 def town_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Towns without repetition, other names of a town replaced by its own."""
+    """Towns without repetition, by their main names."""
     return tuple(dict.fromkeys(ALIASES.get(name, name) for name in names))
 
 
 def plan_dataset(config: DatasetConfig) -> DatasetPlan:
-    """Look at what is asked for, before the first byte.
+    """Check a request, before the first byte.
 
     Raises:
         ConfigError: an unknown rig, town, weather or level, or no drive of a town.
@@ -113,7 +113,7 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
 
 
 def length_s(config: DatasetConfig, town: str) -> float:
-    """Length of the stretch of a drive that is replayed [s]; a rough one where there is no drive yet.
+    """Length of the stretch of a drive that is replayed [s]; an estimate where there is no drive yet.
 
     Raises:
         ConfigError: a person's drive is missing or was driven elsewhere.
@@ -134,7 +134,7 @@ def length_s(config: DatasetConfig, town: str) -> float:
 
 
 def _existing(folder: Path) -> Path:
-    return next(one for one in (folder.absolute(), *folder.absolute().parents) if one.exists())
+    return next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
 
 
 def _is_part(path: Path) -> bool:

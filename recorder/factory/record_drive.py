@@ -11,13 +11,13 @@ from recorder.factory.plan import ROUTE_M, STANDARD_SEEDS
 _log = logging.getLogger(__name__)
 
 Progress = Callable[[float, float, str], None]
-"""Called with towns done, parts of the one under way included, towns in all, and what is being done."""
+"""Called with the number of towns done (fractions included), the number of towns, and the present step."""
 
 
 def standard_drives(
     out: Path, progress: Progress, *, towns: Sequence[str] = tuple(ROUTE_M)
 ) -> tuple[Path, ...]:
-    """The standard drives of some towns to the ends of their routes, ``OUT/TOWN.mcap``; those there are kept.
+    """The standard drives of some towns, whole routes, as ``OUT/TOWN.mcap``; existing files are kept.
 
     Args:
         out: Folder of the drives.
@@ -49,7 +49,7 @@ def record_drive(
     duration_s: float | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> None:
-    """Record a drive by the scripted driver; what an ended recording has left is deleted.
+    """Record a drive by the scripted driver; remains of an interrupted recording are deleted.
 
     Args:
         town: Name of the town.
@@ -61,7 +61,7 @@ def record_drive(
     Raises:
         EpisodeError: it cannot be written.
     """
-    # Imported where it is asked for: it brings all that drives.
+    # Imported here: it imports physics and traffic.
     from recorder.drive.record import RecordConfig, record
 
     _log.info("driving through %s", town)

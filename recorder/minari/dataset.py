@@ -1,4 +1,4 @@
-"""A Minari data set of recorded drives: what an agent would have seen, what the driver did, what it earned.
+"""A Minari data set of recorded drives: an agent's observations, the driver's actions, and rewards.
 
 The format is that of Minari's HDF5 storage, pictures lossless (`jpeg_encoding=False`).
 """
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from minari.data_collector import EpisodeBuffer
 
 ACTION_KINDS = ("continuous", "controls")
-"""Kinds of actions that a drive can be told in."""
+"""Kinds of actions in which a drive can be expressed."""
 _CHUNK = 256
 """Actions that are kept in memory at a time."""
 _NAME = re.compile(r"[-_\w]+-v\d+")
@@ -43,16 +43,16 @@ _NAME = re.compile(r"[-_\w]+-v\d+")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MinariConfig:
-    """What becomes of recorded drives."""
+    """Configuration of a data set of recorded drives."""
 
     episodes: tuple[Path, ...]
     """Drives, each an episode of the data set."""
     out: Path
     """Folder of the data set; its name is the data set's and ends in a version: ``town01-scripted-v0``."""
     rig: str = "state"
-    """What is seen: ``state``, ``bev``, a rig's name or its YAML file."""
+    """Observation: ``state``, ``bev``, a rig's name or its YAML file."""
     action: str = "continuous"
-    """How the driver's actions are told: one of `ACTION_KINDS`."""
+    """Kind of the actions, from `ACTION_KINDS`."""
     weather: str = "ClearNoon"
     """Weather in which rigs with sensors see the drive."""
     frame_skip: int = 1
@@ -80,15 +80,15 @@ class MinariResult:
 def write_minari(
     config: MinariConfig, progress: Callable[[float, float], None] | None = None
 ) -> MinariResult:
-    """Write a data set; nothing of it is left under its name unless it is whole.
+    """Write a data set; its name appears only when it is whole.
 
     Args:
-        config: What to write.
+        config: The data set.
         progress: Called now and then with the seconds of the drives done and their total.
 
     Raises:
         ConfigError: an option is unknown or out of range; Minari is missing.
-        EpisodeError: an episode cannot be read, or cannot be told in these actions.
+        EpisodeError: an episode cannot be read, or cannot be expressed in these actions.
         OutputError: there is such a data set already.
     """
     _check(config)
@@ -104,12 +104,12 @@ def write_minari(
     with atomic_write(config.out) as part:
         (part / "data").mkdir(parents=True)
         for number, drive in enumerate(drives):
-            with closing(_Drive(drive, config)) as told:
+            with closing(_Drive(drive, config)) as converted:
                 if storage is None:
-                    kinds = told.view.space, told.action_space, _spec(config, drive)
+                    kinds = converted.view.space, converted.action_space, _spec(config, drive)
                     storage = MinariStorage.new(part / "data", *kinds, jpeg_encoding=False)
                 count = 0
-                for chunk in told.chunks(number):
+                for chunk in converted.chunks(number):
                     storage.update_episodes([chunk])
                     count += len(chunk)
                     if progress is not None:
@@ -123,7 +123,7 @@ def write_minari(
 
 
 class _Drive:
-    """One drive as an agent would have had it."""
+    """A drive as steps of an agent."""
 
     def __init__(self, episode: Episode, config: MinariConfig) -> None:
         self._episode, self._config = episode, config
@@ -158,7 +158,7 @@ class _Drive:
                 rows.clear()
 
     def _steps(self, seen: list[Any]) -> Iterator[tuple[NDArray[np.float32], float, bool, bool]]:
-        """Action, reward, whether it ended, whether it was over; what is seen is added."""
+        """Action, reward, terminated, truncated of each step; observations are appended to `seen`."""
         world, config, controls = self._world, self._config, self._episode.controls
         referee, ended, over, taken = Referee(world, config.task), False, False, 0
         while not (ended or over):
@@ -181,15 +181,15 @@ class _Drive:
             yield action, reward, ended, over
 
     def close(self) -> None:
-        """Give the sensors' memory back."""
+        """Release the sensors' memory."""
         self._stage.close()
 
 
 def _action(controls: ControlLog, ticks: slice, kind: str) -> NDArray[np.float64]:
-    """Mean of what the driver did in a step.
+    """Mean action of the driver in a step.
 
     Raises:
-        EpisodeError: the drive goes backwards, which two numbers cannot tell.
+        EpisodeError: the drive goes backwards, which two numbers cannot express.
     """
     pedals = controls.steer[ticks], controls.throttle[ticks], controls.brake[ticks]
     if kind == "controls":
@@ -203,9 +203,9 @@ def _action(controls: ControlLog, ticks: slice, kind: str) -> NDArray[np.float64
 
 
 def _stacked(seen: Sequence[Any]) -> Any:
-    """Observations one after the other, key by key."""
+    """Observations stacked along a new first axis, key by key."""
     if isinstance(seen[0], dict):
-        return {key: _stacked([one[key] for one in seen]) for key in seen[0]}
+        return {key: _stacked([observation[key] for observation in seen]) for key in seen[0]}
     return np.array(seen)
 
 
@@ -219,7 +219,7 @@ def _check(config: MinariConfig) -> None:
 
 
 def _spec(config: MinariConfig, drive: Episode) -> gymnasium.envs.registration.EnvSpec:
-    """The environment in which the same is seen, done and earned."""
+    """The environment with the same observations, actions and rewards."""
     known = drive.header.map_name in carlaloc_env.TOWNS and config.map is None
     spec = deepcopy(gymnasium.spec(f"CarlaLoc-{drive.header.map_name}-v0" if known else "CarlaLoc-v0"))
     spec.kwargs.update(rig=config.rig, action=config.action, frame_skip=config.frame_skip)

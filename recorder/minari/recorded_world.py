@@ -25,7 +25,7 @@ from recorder.episode.episode import Episode
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordedCar:
-    """What an episode keeps of the ego after a tick, named as in `EgoState`."""
+    """The ego's recorded state after a tick, named as in `EgoState`."""
 
     position_m: Array
     """Position of `base_link` in the world [m], shape (3,)."""
@@ -73,7 +73,7 @@ class RecordedWorld:
         self._road.start(self.state.position_m)
 
     def advance(self) -> list[Contact]:
-        """Go on by a step, and return what the ego began to touch in it."""
+        """Advance by a step, and return the contacts that began in it."""
         touched = self._touches.get(self._step, [])
         self._step += 1
         self.state = self._car()

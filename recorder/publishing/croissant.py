@@ -1,4 +1,4 @@
-"""Croissant 1.1: what a dataset consists of, in words of machine learning's hubs (mlcommons.org)."""
+"""Croissant 1.1, the metadata format of machine learning's hubs (mlcommons.org), for a dataset."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 LICENSE = "https://spdx.org/licenses/MIT"
 URL = "https://huggingface.co/datasets/OWNER/NAME"
-"""Put in place of the address; whoever uploads writes their own."""
+"""Placeholder; the uploader puts the real address in its place."""
 _KINDS = {
     "parquet": "application/x-parquet", "yaml": "application/yaml", "mcap": "application/x-mcap",
     "tar": "application/x-tar", "mp4": "video/mp4", "png": "image/png", "csv": "text/csv",
@@ -33,10 +33,10 @@ def croissant(
 
     Args:
         name: Name of the dataset.
-        description: What it is, a paragraph.
+        description: A paragraph about the dataset.
         cite_as: BibTeX.
-        sha256: Checksums of the files that are listed one by one, by their paths; the tables among them.
-        seeds: What the drives come from, for provenance.
+        sha256: Checksums of all listed files by their paths, tables included.
+        seeds: Origin of the drives, for provenance.
         tables: The tables by their paths.
     """
     import mlcroissant as mlc

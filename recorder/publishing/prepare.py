@@ -64,7 +64,7 @@ def check_packages() -> None:
 
 
 def _lay_out(dataset: Path, folder: Path, folder_files: int) -> None:
-    # Imported when they are known to be there.
+    # Imported after `check_packages`.
     from recorder.publishing.croissant import croissant
     from recorder.publishing.tables import CONDITIONS, TRAJECTORIES, conditions, trajectories
 

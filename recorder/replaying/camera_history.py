@@ -1,4 +1,4 @@
-"""What cameras must have seen before a stretch: event pixels and exposure control remember."""
+"""The images that cameras must see before a stretch, for the state of event pixels and exposure control."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from carlaloc_env.sensors.camera.config import CameraConfig
 def first_pictures_ns(
     rig: SensorRig, camera_ns: tuple[int, int], span_ns: tuple[int, int]
 ) -> dict[CameraConfig, int]:
-    """Stamp of each camera's first picture in a stretch [ns], of those that have one.
+    """Stamp of each camera's first picture in a stretch [ns], of those with a picture there.
 
     Args:
         rig: The sensors.
@@ -28,7 +28,7 @@ def first_pictures_ns(
 
 
 def past_ns(rig: SensorRig, camera_ns: tuple[int, int], span_ns: tuple[int, int]) -> tuple[int, int]:
-    """Begin and end of what cameras must have seen before a stretch [ns]; both are equal if that is nothing.
+    """Begin and end of the images that cameras must see before a stretch [ns]; equal if there are none.
 
     Takes the arguments of `first_pictures_ns`.
     """
@@ -38,13 +38,13 @@ def past_ns(rig: SensorRig, camera_ns: tuple[int, int], span_ns: tuple[int, int]
 
 
 def past_s(rig: SensorRig, camera_ns: tuple[int, int], span_ns: tuple[int, int]) -> float:
-    """Its length [s]. Takes the arguments of `first_pictures_ns`."""
+    """Length of `past_ns` [s]. Takes the arguments of `first_pictures_ns`."""
     begin_ns, end_ns = past_ns(rig, camera_ns, span_ns)
     return (end_ns - begin_ns) / 1e9
 
 
 def nearest_begin_ns(rig: SensorRig, camera_ns: tuple[int, int]) -> int | None:
-    """The nearest begin of pictures before which cameras must have seen one step at most [ns], or None.
+    """The nearest begin of pictures that needs at most a step of earlier images [ns], or None.
 
     Args:
         rig: The sensors.

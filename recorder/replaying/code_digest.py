@@ -1,4 +1,4 @@
-"""Digest of all code that makes a dataset, so that no run goes on with what other code has begun."""
+"""Digest of all code that makes a dataset: a run resumes only work of the same code."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from recorder.episode.traffic_level import traffic_level
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionFile:
-    """What such a file says; keys that it leaves out are as the command has them."""
+    """The values of such a file; the command gives those that it leaves out."""
 
     weather: str = "ClearNoon"
     """Name of a weather with its changes, or path of a schedule."""
@@ -29,11 +29,11 @@ class ConditionFile:
     faults: dict[str, Any] = field(default_factory=dict)
     """Faults by sensor."""
     start_s: float | None = None
-    """Beginning of the stretch [s]; None: as the command has it."""
+    """Beginning of the stretch [s]; None: the command's."""
     duration_s: float | None = None
-    """Length of the stretch [s]; None: as the command has it."""
+    """Length of the stretch [s]; None: the command's."""
     seed: int | None = None
-    """Seed of the noise; None: as the command has it."""
+    """Seed of the noise; None: the command's."""
 
     @classmethod
     def read(cls, path: Path) -> ConditionFile:
@@ -60,7 +60,7 @@ class ConditionFile:
         return Faults.from_mapping(self.faults).label.split()
 
     def to_yaml(self) -> str:
-        """Text of the file, without the keys that say nothing."""
+        """Text of the file, without keys at their empty values."""
         values = {name: getattr(self, name) for name in self.__slots__}
         text: str = yaml.safe_dump(
             {name: value for name, value in values.items() if value not in (None, {})}, sort_keys=False

@@ -1,4 +1,4 @@
-"""The conditions of a replay: which weather, how much of the traffic."""
+"""The conditions of a replay: weather, traffic and faults."""
 
 from __future__ import annotations
 

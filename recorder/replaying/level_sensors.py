@@ -33,7 +33,7 @@ from recorder.replaying.units import Recipe
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A sample and what it belongs to."""
+    """A sample, its order and its condition."""
 
     order: Order
     """Its place among all samples."""
@@ -47,12 +47,12 @@ class LevelSensors:
     """Sensors on the stage of a level.
 
     Args:
-        recipe: What is made of the drive.
+        recipe: Sequences to make of the drive.
         level: The traffic level.
         truth: Whether they measure the truth of the ego and of all objects, too.
 
     Raises:
-        EpisodeError: the town is another one than was driven in.
+        EpisodeError: the drive was in another town.
         RenderError: pictures cannot be drawn here.
         RaycastError: rays cannot be cast here.
     """
@@ -66,7 +66,7 @@ class LevelSensors:
         self._weather_of = [self._weathers.index(condition.weather) for condition in conditions]
         episode = Episode.load(recipe.episode)
         self._timeline = level.select(episode.timeline())
-        # Nobody else holds the town here, so that the stage can let its meshes go.
+        # No other reference to the town remains, so that the stage can release its meshes.
         self._stage = SensorStage(
             town_of(episode, recipe.town)
             if level.parked_cars
@@ -84,17 +84,17 @@ class LevelSensors:
         return self._rig.streams
 
     def close(self) -> None:
-        """Give GPU memory back."""
+        """Release GPU memory."""
         self._stage.close()
 
     def recall(self, span_ns: tuple[int, int]) -> Iterator[int]:
         """Stamps of the pictures that cameras must have seen before a stretch [ns], each seen in its turn.
 
-        Measuring sees those that are missing, too; this tells how far it is.
+        `measure` catches up on missing ones; this reports the progress.
         """
         timeline, weathers = self._timeline, self._weathers
         firsts_ns = first_pictures_ns(self.recipe.rig, self.recipe.camera_ns, span_ns)
-        # All cameras go together: they share shadows.
+        # All cameras advance together: they share shadows.
         return merge(
             *(
                 sensor.recall(timeline, firsts_ns[config], weathers)
@@ -105,17 +105,17 @@ class LevelSensors:
 
     def measure(self, window_ns: tuple[int, int]) -> list[Measured]:
         """Samples with stamps in a window [ns], begin included, in their order."""
-        found = [one for measured in self._of_sensors(window_ns) for one in self._faulty(*measured)]
+        found = [sample for versions in self._of_sensors(window_ns) for sample in self._faulty(*versions)]
         if self._has_truth:
             found += self._truth(window_ns)
-        return sorted(found, key=lambda one: one.order)
+        return sorted(found, key=lambda measured: measured.order)
 
     def reseed(self, seed: int) -> None:
         """Measure with the noise of another seed from now on."""
         self._stage.seed = seed
 
     def _of_sensors(self, window_ns: tuple[int, int]) -> Iterator[tuple[Order, list[Sample]]]:
-        """Places of samples, and the samples under all weathers: one where they are the same."""
+        """Places of samples, and the samples under all weathers; a single sample where they are the same."""
         timeline, weathers = self._timeline, self._weathers
         begin, end = self.recipe.camera_ns
         for place, sensor in enumerate(self._rig.sensors):
@@ -151,7 +151,7 @@ class LevelSensors:
             if found[0] is not None:
                 yield Measured(order, None, found[0])
             return
-        yield from (Measured(order, k, one) for k, one in enumerate(found) if one is not None)
+        yield from (Measured(order, k, sample) for k, sample in enumerate(found) if sample is not None)
 
     def _truth(self, window_ns: tuple[int, int]) -> Iterator[Measured]:
         first, end = window_ns
@@ -163,7 +163,7 @@ class LevelSensors:
 
 
 def _by_weather(stamp_ns: int, place: int, rows: list[list[Sample]]) -> Iterator[tuple[Order, list[Sample]]]:
-    """Samples of one sensor and instant; what all weathers have in common comes once."""
+    """Samples of a sensor at an instant; once where all weathers have the same."""
     for number, versions in enumerate(zip(*rows, strict=True)):
         is_same = all(version is versions[0] for version in versions)
         yield (stamp_ns, place, number), list(versions[:1] if is_same else versions)

@@ -1,4 +1,4 @@
-"""What a replay is asked for, checked before anything heavy is imported, built or written."""
+"""Options and plan of a replay, checked before anything heavy is imported, built or written."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from recorder.writers.topics import profile_by_name
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayOptions:
-    """Under which conditions, with which sensors and in which formats drives are replayed."""
+    """Conditions, sensors and formats of a replay."""
 
     weathers: tuple[str, ...] = ("ClearNoon",)
     """Names of weathers, or paths of schedules (``.yaml``)."""
@@ -85,7 +85,7 @@ class ReplayOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayConfig(ReplayOptions):
-    """Which drive and which stretch of it to replay, where to, and by which options."""
+    """A replay: the drive, its stretch, the output folder and the options."""
 
     episode: Path
     """Episode to replay."""
@@ -103,7 +103,7 @@ class ReplayConfig(ReplayOptions):
     """Map of the drive, name or file; None: the town that the episode names."""
 
     def __post_init__(self) -> None:
-        # Without arguments, `super` does not find the class that slots have made anew.
+        # Without arguments, `super` does not find the class that slots have recreated.
         super(ReplayConfig, self).__post_init__()
         if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
             raise ConfigError("start must not be negative and duration must be above zero")
@@ -114,11 +114,11 @@ class ReplayPlan:
     """A replay that may begin."""
 
     config: ReplayConfig
-    """What was asked for."""
+    """The request."""
     recipe: Recipe
-    """What is made."""
+    """The sequences to make."""
     rig: SensorRig
-    """All sensors, those without a format included: calibration and truth tell of them, too."""
+    """All sensors, those without a format included: calibration and truth cover them, too."""
     timeline: Timeline
     """Where everything was."""
     town: TownId
@@ -126,7 +126,7 @@ class ReplayPlan:
     span_ns: tuple[int, int]
     """First stamp and end (not included) of the stretch [ns]."""
     origin: dict[str, Any]
-    """What all sequences of the drive share."""
+    """Description that all sequences of the drive share."""
 
     @property
     def drive(self) -> DriveFolder:
@@ -151,7 +151,7 @@ class ReplayPlan:
 
     @property
     def request(self) -> dict[str, str]:
-        """All that decides about the bytes that are written, by names that a person knows."""
+        """Everything that determines the written bytes, by readable names."""
         recipe = self.recipe
         return {
             "town": f"{self.town.name} {self.town.source_hash}",
@@ -170,7 +170,7 @@ class ReplayPlan:
         """Whether the dataset is begun already, so that sequences are added to it.
 
         Raises:
-            WriterError: it is one of another drive, or has one of the sequences.
+            WriterError: it holds another drive, or already has a sequence of this one.
         """
         begun = has_drive(self.config.out, self.town.name, self.origin)
         if not begun and self.drive.path.exists():
@@ -241,8 +241,8 @@ def rig_of(config: ReplayOptions) -> SensorRig:
     """
     rig = rig_by_name(config.rig)
     if config.lidar_weather:
-        lidars = {one: replace(one, weather=True) for one in rig.sensors if isinstance(one, LidarConfig)}
-        rig = replace(rig, sensors=tuple(lidars.get(one, one) for one in rig.sensors))  # type: ignore[call-overload]
+        lidars = {s: replace(s, weather=True) for s in rig.sensors if isinstance(s, LidarConfig)}
+        rig = replace(rig, sensors=tuple(lidars.get(s, s) for s in rig.sensors))  # type: ignore[call-overload]
     changes: dict[str, Any] = {}
     if config.lens_drops:
         changes["lens_drops"] = True

@@ -40,7 +40,7 @@ def replay(
 ) -> ReplayResult:
     """Replay an episode and write all its sequences.
 
-    A replay that was killed, interrupted or ran out of disk goes on from its finished units, and ends with
+    A replay that was killed, interrupted or ran out of disk resumes from its finished units, and writes
     the same bytes.
 
     Args:
@@ -60,16 +60,16 @@ def replay(
     with WorkingFolder(config.out, plan.town.name, plan.origin, plan.request) as work:
         if not work.is_done:
             begun = plan.check_room()
-            # Imported when nothing is left that could be refused: these bring all that draws and writes.
+            # Imported after all checks: this imports the renderer and the writers.
             from recorder.replaying.run import ReplayRun
 
-            ReplayRun(plan, work, progress or _nobody, later_s).run(with_shared=not begun)
+            ReplayRun(plan, work, progress or _ignore, later_s).run(with_shared=not begun)
             work.publish()
     return _result(plan)
 
 
-def _nobody(done_s: float, total_s: float) -> None:
-    """Listen to no progress."""
+def _ignore(done_s: float, total_s: float) -> None:
+    """Ignore progress."""
 
 
 def _result(plan: ReplayPlan) -> ReplayResult:

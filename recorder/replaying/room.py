@@ -1,4 +1,4 @@
-"""Whether the rest of a replay fits on the disk, by what its first unit takes there."""
+"""Check that the rest of a replay fits on the disk, by the size of its first unit."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from recorder.replaying.units import Recipe, Unit
 def check_room(
     recipe: Recipe, unit: Unit, units_dir: Path, *, spools_s: float, sequences_s: float, out: Path
 ) -> None:
-    """Compare what is yet to be written with what is free.
+    """Compare the size of the remaining files with the free space.
 
     Args:
-        recipe: What is made of the drive.
+        recipe: Sequences to make of the drive.
         unit: The first unit, which is whole.
         units_dir: Folder of all units.
         spools_s: Time of which spools are yet to be written, at most at once [s].

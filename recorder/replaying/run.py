@@ -44,15 +44,15 @@ _log = logging.getLogger(__name__)
 ASSEMBLY_SHARE = 0.1
 """Share of a sequence's assembly in the progress: seconds of a unit that a second of it counts for."""
 
-TOLD_FROM_S = 1.0
-"""Time that cameras must see before their first picture from which on this is told [s]."""
+WARN_FROM_S = 1.0
+"""Length of images before the first picture from which on a warning is logged [s]."""
 
 
 class ReplayRun:
-    """What is done and what is left of a replay.
+    """Progress of a replay: tasks done and tasks left.
 
     Args:
-        plan: What is replayed.
+        plan: The replay.
         work: Its working folder.
         progress: Called with seconds of sensor data done and in all.
         later_s: Lengths of further drives that the disk must hold, too [s].
@@ -77,7 +77,7 @@ class ReplayRun:
 
         Raises:
             WriterError: the disk is full.
-            KeyboardInterrupt: the run was asked to end; its message says how to go on.
+            KeyboardInterrupt: the run was asked to end; its message names how to resume.
         """
         plan, work = self._plan, self._work
         if with_shared:
@@ -88,23 +88,23 @@ class ReplayRun:
                 work.drive, plan.rig, plan.timeline, plan.span_ns, topics=recipe.topics, seed=recipe.seed,
                 faults=recipe.conditions[0].faults,
             )  # fmt: skip
-        self._tell_of_the_past()
+        self._warn_of_past()
         try:
             run_tasks(self._tasks(), self._workers(), done=self._after, look=self._look)
         except WriterError as error:
-            raise WriterError(f"{error}{self._how_to_go_on()}") from error
+            raise WriterError(f"{error}{self._resume_hint()}") from error
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(self._how_to_go_on().removeprefix("; ")) from None
+            raise KeyboardInterrupt(self._resume_hint().removeprefix("; ")) from None
         finally:
-            # Workers of a cluster end with nobody's process: they look for this.
+            # Workers of a cluster outlive this process: they look for this file.
             with suppress(OSError):
                 (work.units_dir / STOP).touch()
 
-    def _tell_of_the_past(self) -> None:
-        """Tell of pictures that must be made before the first one, where they are many."""
+    def _warn_of_past(self) -> None:
+        """Warn where many images must be made before the first picture."""
         rig, camera_ns = self._recipe.rig, self._recipe.camera_ns
         long_s = past_s(rig, camera_ns, camera_ns)
-        if long_s >= TOLD_FROM_S:
+        if long_s >= WARN_FROM_S:
             better_ns = nearest_begin_ns(rig, camera_ns)
             hint = "" if better_ns is None else f"; images from {better_ns / 1e9:.2f} s on need none of it"
             _log.warning(
@@ -114,9 +114,9 @@ class ReplayRun:
                 hint,
             )
 
-    def _how_to_go_on(self) -> str:
+    def _resume_hint(self) -> str:
         whole = self._work.kept()
-        return f"; {whole} parts are whole, and the same command goes on from there" if whole else ""
+        return f"; {whole} parts are whole, and the same command resumes from there" if whole else ""
 
     def _workers(self) -> Workers:
         plan = self._plan
@@ -131,7 +131,7 @@ class ReplayRun:
         tasks: list[Task] = []
         kept = waiting = 0
         for level in self._recipe.levels:
-            conditions = [one for one in self._recipe.conditions_of(level) if not self._is_assembled(one)]
+            conditions = [c for c in self._recipe.conditions_of(level) if not self._is_assembled(c)]
             if not conditions:
                 continue
             weathers = [condition.weather_name for condition in conditions]
@@ -145,17 +145,17 @@ class ReplayRun:
             else:
                 tasks += [self._assembly_task(condition) for condition in conditions]
         if kept:
-            _log.warning("going on with %d of %d units that are whole already", kept, len(self._plan.units))
+            _log.warning("resuming with %d of %d units that are already whole", kept, len(self._plan.units))
         later_s = ASSEMBLY_SHARE * self._length_s * waiting
         self._done_s = self._total_s - later_s - sum(self._weight_s(task) for task in tasks)
         return tasks
 
     def _after(self, task: Task) -> Sequence[Task]:
-        """What can be done now that a task is finished."""
+        """Tasks that a finished task makes possible."""
         self._done_s += self._weight_s(task)
         if isinstance(task.job, AssemblyJob):
             level = task.job.condition.traffic
-            if all(self._final(one).path.exists() for one in self._recipe.conditions_of(level)):
+            if all(self._final(c).path.exists() for c in self._recipe.conditions_of(level)):
                 for folder in task.job.units:
                     rmtree(folder, ignore_errors=True)
             return []
@@ -167,14 +167,14 @@ class ReplayRun:
         if self._left[unit.level]:
             return []
         conditions = self._recipe.conditions_of(unit.level)
-        return [self._assembly_task(one) for one in conditions if not self._final(one).path.exists()]
+        return [self._assembly_task(c) for c in conditions if not self._final(c).path.exists()]
 
     def _check_room(self, unit: Unit) -> None:
-        """Look whether the rest fits, as soon as a unit shows how large it is."""
+        """Check that the rest fits on the disk, by the size of the first unit."""
         plan, recipe = self._plan, self._recipe
-        left = [one for one in recipe.conditions if not self._final(one).path.exists()]
-        others = [self._length_s for one in left if one.traffic != unit.level]
-        here_s = sum(one.length_s for one in plan.units if one.name in self._left[unit.level])
+        left = [c for c in recipe.conditions if not self._final(c).path.exists()]
+        others = [self._length_s for c in left if c.traffic != unit.level]
+        here_s = sum(u.length_s for u in plan.units if u.name in self._left[unit.level])
         check_room(
             recipe,
             unit,
@@ -239,7 +239,7 @@ class ReplayRun:
         return ASSEMBLY_SHARE * self._length_s
 
     def _part_s(self, task: Task, done: float) -> float:
-        """Progress [s] of a task that has done so much."""
+        """Progress of a task [s]."""
         if isinstance(task.job, UnitJob):
             return done
         return self._weight_s(task) * done / len(task.job.units)

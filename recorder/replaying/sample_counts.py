@@ -1,4 +1,4 @@
-"""What a sequence holds: samples by stream, and how much of what sensors see belongs to the traffic."""
+"""Samples of a sequence by stream, and the share of points and pixels on traffic."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from carlaloc_env.scene.mesh import EGO_INSTANCE
 class SampleCounts:
     """Counts samples by stream and, of labelled ones, points and pixels that lie on traffic.
 
-    Parked cars belong to the town and do not count; whoever waits in the traffic does.
+    Parked cars belong to the town and do not count; vehicles that wait in traffic do.
     """
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class SampleCounts:
             self._movers[sample.sensor] += int(np.count_nonzero(sample.instance > EGO_INSTANCE))
 
     def add(self, counts: Mapping[str, Mapping[str, int]]) -> None:
-        """Add what `numbers` of another one told."""
+        """Add the `numbers` of another instance."""
         for mine, name in ((self._samples, "samples"), (self._all, "labelled"), (self._movers, "movers")):
             mine.update(counts[name])
 

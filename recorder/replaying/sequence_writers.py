@@ -1,4 +1,4 @@
-"""Encoders and writers of one sequence, in every format, and what all sequences of a drive share."""
+"""Encoders and writers of a sequence, in every format, and the files that all sequences of a drive share."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Streams = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """One file or folder of a sequence."""
+    """A file or folder of a sequence."""
 
     encoder: Encoder
     """Makes pieces, anywhere and in any order."""
@@ -69,7 +69,7 @@ def outputs_of(recipe: Recipe, streams: Streams, about: Mapping[str, str] | None
     """Outputs of a sequence, always in the same order.
 
     Args:
-        recipe: What is made of the drive.
+        recipe: Sequences to make of the drive.
         streams: Names of all streams that will come.
         about: Texts by name that files hold of the sequence, where they are written.
 
@@ -154,12 +154,12 @@ def _film(calibration: RigCalibration, streams: Streams, about: Mapping[str, str
 
 
 class SequenceWriters:
-    """All writers of one sequence, as one; the folder gets its final name when all are whole.
+    """All writers of a sequence together; the folder gets its final name when all files are whole.
 
     Args:
         drive: Folder of the drive.
         condition: Weather and traffic.
-        recipe: What is made of the drive.
+        recipe: Sequences to make of the drive.
         streams: Names of all streams that will come.
     """
 
@@ -189,7 +189,7 @@ class SequenceWriters:
             self._writers.append(output.open(self._part))
 
     def place(self, number: int, piece: Piece) -> None:
-        """Give a piece to the writer of a number."""
+        """Give a piece to the writer with this number."""
         self._writers[number].place(piece)
 
     def close(self, counts: SampleCounts) -> None:
@@ -213,7 +213,7 @@ class SequenceWriters:
 def describe(
     condition: Condition, *, rig: str, samples: Mapping[str, int], movers: Mapping[str, float]
 ) -> SequenceDescription:
-    """What ``sequence.yaml`` says of a sequence."""
+    """Description of a sequence for ``sequence.yaml``."""
     return SequenceDescription(
         name=condition.name,
         weather={"name": condition.weather_name, **condition.weather.to_mapping()},

@@ -1,4 +1,4 @@
-"""Spools: files in which units leave their pieces until a sequence is assembled from them.
+"""Spools: files that hold the pieces of units until a sequence is assembled from them.
 
 A record is a line of numbers and the piece's bytes; records lie in the order in which they are assembled.
 """
@@ -22,7 +22,7 @@ _HEAD = struct.Struct("<qihHHHQ")
 writer, lengths of place, kind and data."""
 
 Order = tuple[int, int, int]
-"""What records of one stretch are ordered by: stamp [ns], place of the sensor in the rig, place of the
+"""Order of the records of a stretch: stamp [ns], place of the sensor in the rig, place of the
 sample among those that the sensor gives at once."""
 
 
@@ -46,7 +46,7 @@ class SpoolFile:
 
 
 class SpoolWriter:
-    """Writes one spool."""
+    """Writes a spool."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb")
@@ -96,7 +96,7 @@ def read_spool(path: Path) -> Iterator[Record]:
 
 
 def merged(spools: Iterable[Path]) -> Iterator[Record]:
-    """Records of several spools of one stretch, in their order."""
+    """Records of several spools of a stretch, in their order."""
     return heapq.merge(*(read_spool(path) for path in spools), key=lambda record: record[0])
 
 

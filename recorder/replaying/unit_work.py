@@ -1,4 +1,4 @@
-"""What a worker does: it makes the pieces of a unit, or assembles a sequence of them.
+"""The work of a worker: making the pieces of a unit, or assembling a sequence of them.
 
 Both are functions of a job that is plain data, on any machine that sees the episode and the working folder.
 """
@@ -31,9 +31,9 @@ from recorder.replaying.units import Recipe, Unit
 SUMMARY = "unit.json"
 """File that makes a unit's folder whole."""
 SHARED = "shared"
-"""Spool of what all weathers have in common."""
+"""Spool of the pieces that all weathers share."""
 STOP = "stop"
-"""File in the folder of all units that tells workers to stop."""
+"""File in the folder of all units at which workers stop."""
 
 Report = Callable[[float], None]
 """Called with seconds of sensor data that are done."""
@@ -51,7 +51,7 @@ class UnitJob:
     """A unit, as a worker gets it."""
 
     recipe: Recipe
-    """What is made of the drive."""
+    """Sequences to make of the drive."""
     unit: Unit
     """The stretch."""
     folder: Path
@@ -63,11 +63,11 @@ class AssemblyJob:
     """A sequence, as a worker gets it."""
 
     recipe: Recipe
-    """What is made of the drive."""
+    """Sequences to make of the drive."""
     condition: Condition
     """Weather and traffic of the sequence."""
     drive: Path
-    """Folder in which its own will stand."""
+    """Folder of the drive in which the sequence's folder is made."""
     units: tuple[Path, ...]
     """Folders of its units, in the order of time."""
 
@@ -76,7 +76,7 @@ def make_unit(job: UnitJob, report: Report) -> None:
     """Make all pieces of a unit; its folder gets its name when it is whole.
 
     Args:
-        job: What to make.
+        job: The unit.
         report: Called after every step.
 
     Raises:
@@ -93,7 +93,7 @@ def make_unit(job: UnitJob, report: Report) -> None:
         try:
             part.rename(final)
         except OSError:
-            # Another worker has made it, too, after this one was thought lost; its bytes are the same.
+            # Another worker has made it, too, when this worker was presumed lost; the bytes are the same.
             if not (final / SUMMARY).exists():
                 raise
     except OSError as error:
@@ -121,12 +121,12 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
         for begin in range(first, end, STEP_NS):
             _check_stop(job)
             window = (begin, min(begin + STEP_NS, end))
-            for one in sensors.measure(window):
-                name = SHARED if one.weather is None else weathers[one.weather]
-                counts[name].count(one.sample)
+            for measured in sensors.measure(window):
+                name = SHARED if measured.weather is None else weathers[measured.weather]
+                counts[name].count(measured.sample)
                 for number, encoder in enumerate(encoders):
-                    for piece in encoder.encode(one.sample):
-                        spools[name].put(one.order, number, piece)
+                    for piece in encoder.encode(measured.sample):
+                        spools[name].put(measured.order, number, piece)
             report((past[1] - past[0] + window[1] - first) / 1e9)
         files = {name: spool.complete() for name, spool in spools.items()}
     summary = {
@@ -143,10 +143,10 @@ def _check_stop(job: UnitJob) -> None:
 
 
 def _sensors_of(recipe: Recipe, level: TrafficLevel) -> LevelSensors:
-    """Sensors of a level: those that were built last, where they are the same."""
+    """Sensors of a level; the last ones built are reused where they fit."""
     held: LevelSensors | None = getattr(_held, "sensors", None)
     if held is None or (held.recipe, held.level) != (recipe, level):
-        # The old ones are gone before new ones are made: each takes a gigabyte.
+        # The old sensors are released first: each set takes a gigabyte.
         del held
         release_sensors()
         held = _held.sensors = LevelSensors(recipe, level)
@@ -154,7 +154,7 @@ def _sensors_of(recipe: Recipe, level: TrafficLevel) -> LevelSensors:
 
 
 def release_sensors() -> None:
-    """Let go of the sensors that this thread holds for the next unit."""
+    """Release the sensors that this thread holds for the next unit."""
     held: LevelSensors | None = getattr(_held, "sensors", None)
     _held.sensors = None
     if held is not None:
@@ -164,7 +164,7 @@ def release_sensors() -> None:
 
 
 def _forget_level(level: TrafficLevel) -> None:
-    """Let go of held sensors of a level of which all units are whole: nothing of it is measured again."""
+    """Release held sensors of a level whose units are all whole."""
     held: LevelSensors | None = getattr(_held, "sensors", None)
     if held is not None and held.level == level:
         del held
@@ -181,7 +181,7 @@ def is_whole(folder: Path, names: Sequence[str]) -> bool:
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
-    """What a unit says of itself."""
+    """The summary of a unit."""
     found: dict[str, Any] = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
     return found
 
@@ -190,7 +190,7 @@ def assemble(job: AssemblyJob, report: Report) -> None:
     """Write a sequence from the pieces of its units; its folder gets its name when it is whole.
 
     Args:
-        job: What to assemble.
+        job: The sequence.
         report: Called after every unit with the number done.
 
     Raises:
@@ -214,6 +214,6 @@ def assemble(job: AssemblyJob, report: Report) -> None:
     except BaseException:
         writers.abort()
         raise
-    # Nobody needs them any more; what all weathers share goes with the last of them.
+    # They are no longer needed; the shared spool is deleted with the last weather's.
     for folder in job.units:
         (folder / f"{weather}.spool").unlink(missing_ok=True)

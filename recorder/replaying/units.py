@@ -1,6 +1,6 @@
-"""What workers get: a recipe of all that is made of a drive, and units, which stretches it is made of.
+"""The input of workers: the recipe of a drive's sequences, and units, the stretches that they make.
 
-A unit needs the episode and nothing else. No byte of a dataset depends on how its drive is cut into units.
+A unit needs only the episode. No byte of a dataset depends on the length of units.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from recorder.replaying.conditions import Condition
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
-    """What is made of a drive."""
+    """All sequences to make of a drive."""
 
     episode: Path
     """The drive, absolute path."""
@@ -58,7 +58,7 @@ class Recipe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unit:
-    """A stretch of a drive under one traffic level."""
+    """A stretch of a drive under a traffic level."""
 
     level: TrafficLevel
     """Traffic."""
@@ -79,7 +79,7 @@ class Unit:
 def units_of(levels: Sequence[TrafficLevel], span_ns: tuple[int, int], unit_ns: int) -> tuple[Unit, ...]:
     """Units of a stretch, level by level, in the order of time.
 
-    Borders lie one step after multiples of the length: event cameras begin anew at such multiples, and the
+    Borders lie one step after multiples of the length: event cameras restart at such multiples, and the
     first picture after one needs nothing older.
 
     Args:

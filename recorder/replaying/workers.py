@@ -1,7 +1,7 @@
-"""Workers: who does the jobs of a run. This process, others on this machine, or a Dask cluster.
+"""Workers that do the jobs of a run: this process, processes of this machine, or a Dask cluster.
 
-All three are executors of `concurrent.futures`, so that one loop serves them. A worker that dies is
-replaced, and what it had in hand is done again.
+All three are executors of `concurrent.futures`, so that the same loop serves them. A worker that dies is
+replaced, and its job is done again.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _LOOK_S = 0.25
 """Time between two looks at how far workers are [s]."""
 
 Report = Callable[[float], None]
-"""Called by a job with its progress, in a unit of its own."""
+"""Called by a job with its progress, in a unit that depends on the job."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,9 +41,9 @@ class Task:
     do: Callable[[Any, Report], None]
     """A function of a module, called with the job and a function that reports its progress."""
     job: Any
-    """What to do; sent to workers by pickle."""
+    """The input of the function; sent to workers by pickle."""
     progress: Path
-    """File in which a worker says how far it is; its folder is there."""
+    """File in which a worker writes its progress; its folder exists."""
 
 
 class Workers(Protocol):
@@ -52,7 +52,7 @@ class Workers(Protocol):
     at_once: int
     """How many tasks are handed out at a time."""
     deaths: tuple[type[Exception], ...]
-    """What a future raises when the worker that had the task has died."""
+    """Exceptions of a future whose worker has died."""
 
     def executor(self) -> Executor:
         """A new executor."""
@@ -62,11 +62,11 @@ class Workers(Protocol):
 
 
 class ThisProcess:
-    """One task after another, right here.
+    """Does tasks in this process, in turn.
 
     Args:
         report: Called with the progress of a task.
-        release: Called at the end, to let go of what tasks keep for the next one.
+        release: Called at the end, to release whatever tasks keep for the next task.
     """
 
     at_once = 1
@@ -80,7 +80,7 @@ class ThisProcess:
         return _Inline(self._report)
 
     def stop(self, executor: Executor) -> None:
-        """Let go of what was kept."""
+        """Release kept objects."""
         self._release()
 
 
@@ -95,22 +95,22 @@ class LocalProcesses:
 
     def __init__(self, count: int) -> None:
         self._count = count
-        # One more than can be done, so that nobody waits for the next.
+        # An extra task waits, so that no worker does.
         self.at_once = count + 1
         self._foreign = set(multiprocessing.active_children())
 
     def executor(self) -> Executor:
-        """A pool of processes, each with modules and memory of its own."""
+        """A pool of processes, each with separate modules and memory."""
         return ProcessPoolExecutor(self._count, mp_context=get_context("spawn"), initializer=_begin_worker)
 
     def stop(self, executor: Executor) -> None:
-        """End all processes; none of them has anything to put in order."""
+        """End all processes; none has anything to clean up."""
         executor.shutdown(wait=False, cancel_futures=True)
         ours = set(multiprocessing.active_children()) - self._foreign
         for process in ours:
             process.kill()
         for process in ours:
-            # The executor's thread waits for them, too; who comes second hears of an end a moment later.
+            # The executor's thread waits for them, too, and may be notified first.
             while process.is_alive():
                 process.join(0.01)
 
@@ -122,7 +122,7 @@ class DaskCluster:
         address: Of the scheduler, such as ``tcp://node1:8786``.
 
     Raises:
-        ConfigError: Dask is not installed, or nobody answers at the address.
+        ConfigError: Dask is not installed, or no scheduler answers at the address.
     """
 
     at_once = 4096
@@ -139,15 +139,17 @@ class DaskCluster:
             self._client = Client(address, timeout="10s", set_as_default=False)
         except (OSError, ValueError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
-            raise ConfigError(f"no Dask scheduler answers at {address}: {reason}; start one first") from error
+            raise ConfigError(
+                f"no Dask scheduler answers at {address}: {reason}; start a scheduler first"
+            ) from error
 
     def executor(self) -> Executor:
-        """The cluster as an executor; its scheduler does again what a lost worker had in hand."""
+        """The cluster as an executor; its scheduler repeats the tasks of a lost worker."""
         executor: Executor = self._client.get_executor(pure=False)
         return executor
 
     def stop(self, executor: Executor) -> None:
-        """Let go of the cluster; workers see themselves when a run has stopped."""
+        """Disconnect from the cluster; its workers notice a stopped run by themselves."""
         executor.shutdown(wait=False)
         self._client.close(timeout=1)
 
@@ -162,7 +164,7 @@ def run_tasks(
     """Do tasks, and those that follow from them.
 
     Args:
-        tasks: What to do, in order of preference.
+        tasks: The tasks, in order of preference.
         workers: Where.
         done: Called with each finished task; returns what can be done now.
         look: Called four times a second with the tasks that are not finished.
@@ -182,7 +184,7 @@ def run_tasks(
                 left = _work(executor, left, workers, done, look)
         finally:
             workers.stop(executor)
-        # Who was at work when a worker died may be what it died of.
+        # A task in progress when a worker died may be the cause.
         deaths.update(task for task in left if task.progress.exists())
         for task, times in deaths.items():
             if times >= ATTEMPTS:
@@ -218,15 +220,15 @@ def _work(
             except workers.deaths:
                 left.append(task)
             else:
-                # What follows from finished work comes first: assembled sequences give disk space back.
+                # Tasks that follow come first: assembled sequences free disk space.
                 waiting.extendleft(done(task))
         look(list(pending.values()))
     return left
 
 
 def _do(task: Task) -> None:
-    """Do a task in a worker, and keep a file that says how far it is, for whoever waits."""
-    # Written in place: file systems bring a file that is cut and written anew to the disk each time.
+    """Do a task in a worker, and keep its progress in a file."""
+    # Written in place: file systems sync a truncated and rewritten file to the disk each time.
     with task.progress.open("wb", buffering=0) as file:
 
         def report(done: float) -> None:
@@ -239,7 +241,7 @@ def _do(task: Task) -> None:
 
 
 def progress_of(task: Task) -> float:
-    """How far a task is that a worker has in hand; 0 before it has begun."""
+    """Progress of a task that a worker does; 0 before it begins."""
     try:
         return float(task.progress.read_text(encoding="ascii") or 0)
     except (OSError, ValueError):
@@ -261,7 +263,7 @@ class _Inline(Executor):
 
 
 def _begin_worker() -> None:
-    # A Ctrl-C reaches all processes of a terminal: the parent decides. Without a parent nobody would.
+    # A Ctrl-C reaches all processes of a terminal: the parent decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     if parent is not None:

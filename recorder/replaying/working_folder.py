@@ -1,8 +1,8 @@
 """The working folder of a replay: units and sequences lie there until all is whole and takes its final names.
 
-``OUT/.carlaloc-partial`` holds ``run.json``, which says what run it is; ``units``, what workers have
-made; and the town's folder as it will stand in the dataset. A run holds a lock on ``run.json`` that the
-kernel lets go of however the process ends. From what a killed or failed run leaves, the same run goes on.
+``OUT/.carlaloc-partial`` holds ``run.json``, which describes the run; ``units``, the finished units of
+workers; and the town's folder as it will stand in the dataset. A run holds a lock on ``run.json`` that the
+kernel releases when the process ends. The same run resumes from the remains of a killed or failed run.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from recorder.dataset.manifest import has_drive, list_drive
 FOLDER = ".carlaloc-partial"
 """Folder of unfinished work in the folder of a dataset."""
 MARKER = "run.json"
-"""File that says what run it is; locked while the run lives."""
+"""File that describes the run; locked while the run lives."""
 WHOLE = "whole\n"
 """Second line of that file, once all that the run writes is whole."""
 UNITS = "units"
 """Folder of finished units."""
 SHARED = (CALIBRATION, GROUND_TRUTH)
-"""What all sequences of a drive share."""
+"""Folders that all sequences of a drive share."""
 
 _log = logging.getLogger(__name__)
 
 
 class WorkingFolder:
-    """Where one run works; as a context manager it keeps finished units when the run fails, and no more.
+    """The folder of a run; as a context manager it keeps only finished units when the run fails.
 
     Args:
         out: Folder of the dataset.
         town: Name of the drive's folder in it.
-        origin: What all sequences of the drive share.
-        request: All that decides about the bytes of the run, as plain values by name.
+        origin: Description that all sequences of the drive share.
+        request: Everything that determines the bytes of the run, as plain values by name.
     """
 
     def __init__(self, out: Path, town: str, origin: Mapping[str, Any], request: Mapping[str, str]) -> None:
@@ -55,7 +55,7 @@ class WorkingFolder:
         self._lock: IO[str] | None = None
         self._is_whole = False
         self.is_done = False
-        """Whether a run before has done all that was asked for; nothing is left to do."""
+        """Whether an earlier run has finished the request."""
         self.path = path_below(out, FOLDER)
         """The folder."""
 
@@ -104,7 +104,7 @@ class WorkingFolder:
             marker.close()
 
     def _resume(self, found: str) -> None:
-        """Go on with what an earlier run has left, or refuse it."""
+        """Resume the work of an earlier run, or refuse it."""
         first, _, rest = found.partition("\n")
         try:
             marks: dict[str, Any] = json.loads(first)
@@ -124,7 +124,7 @@ class WorkingFolder:
         if other:
             raise WriterError(
                 f"{self._out} holds an unfinished run with another {' and '.join(other[:2])}; finish it with "
-                f"its own command, choose another --out, or delete {self.path}"
+                f"the command that began it, choose another --out, or delete {self.path}"
             )
         self._sweep()
         (self.units_dir / "stop").unlink(missing_ok=True)
@@ -140,7 +140,7 @@ class WorkingFolder:
         self._lock.flush()
 
     def publish(self) -> None:
-        """Give everything its final name; from here on a killed run is finished by the next one.
+        """Give everything its final name; from here on the next run finishes a killed one.
 
         Raises:
             WriterError: a name was taken meanwhile, or the disk is full.
@@ -164,12 +164,12 @@ class WorkingFolder:
         self._leave()
 
     def kept(self) -> int:
-        """How many finished units and sequences another run can go on from."""
+        """Number of finished units and sequences from which another run can resume."""
         units = sum("." not in path.name for path in self.units_dir.glob("*") if path.is_dir())
         return units + sum(path.name not in SHARED for path in self.drive.path.glob("[!.]*"))
 
     def _sweep(self) -> None:
-        """Remove what workers had in hand when they were killed."""
+        """Remove the unfinished work of killed workers."""
         for half in (*self.units_dir.glob("*.part"), *self.drive.path.glob(".*.part")):
             rmtree(half, ignore_errors=True)
         for stale in self.units_dir.glob("*.progress"):
@@ -180,7 +180,7 @@ class WorkingFolder:
             for folder in (self.path, *self._made):
                 _remove_if_empty(folder)
             return
-        # Removed while it is locked, so that nobody takes it up in between.
+        # Removed while it is locked, so that no other run takes it up in between.
         if self.is_done or not (self._is_whole or self.kept()):
             rmtree(self.path, ignore_errors=True)
         else:
@@ -196,13 +196,13 @@ class WorkingFolder:
 
 
 def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:
-    """Move what is whole to where it belongs, and list it; may be done again after having been cut off."""
+    """Move finished folders to their final places, and list them; an interrupted call can be repeated."""
     town = check_name("town", str(marks["town"]))
     begun = has_drive(out, town, marks["origin"])
     try:
         (out / town).mkdir(parents=True, exist_ok=True)
         for part in sorted((run / town).glob("*")):
-            # What has a whole folder of the dataset already is not written over.
+            # A whole folder of the dataset is not overwritten.
             if (part.name in SHARED and begun) or (out / town / part.name).exists():
                 rmtree(part)
             else:

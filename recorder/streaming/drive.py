@@ -1,4 +1,4 @@
-"""A drive that is read as it is made: what it is, and the folder that describes it as a dataset's would.
+"""A drive that is read while it is made, and the folder that describes it like a dataset.
 
 The folder has calibration, truth and descriptions, a few megabytes, and no sensor data.
 """
@@ -28,7 +28,7 @@ from recorder.streaming.frames import FrameJob, sensors_for
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveStream:
-    """A drive under one condition, with the noise of one seed."""
+    """A drive under a condition, with the noise of a seed."""
 
     plan: ReplayPlan
     """The drive; its rig has what SLAM systems read."""
@@ -47,13 +47,13 @@ class DriveStream:
 
     @property
     def digest(self) -> str:
-        """A text that is another one where any byte of the sensor data may be."""
+        """Digest of everything that determines the sensor data."""
         request = self.plan.request
         about = [request[name] for name in sorted(request) if not name.startswith(("set of", "length of"))]
         return hashlib.sha256("\n".join([*about, repr(self.condition)]).encode()).hexdigest()
 
     def frame_job(self, sensor: str, *, masks: bool) -> FrameJob:
-        """What makes its frames, see `FrameJob`; other seeds may be added."""
+        """The job that makes its frames; seeds may be added."""
         plan = self.plan
         imus = plan.rig.of_kind("imu")
         return FrameJob(
@@ -66,7 +66,7 @@ class DriveStream:
         )
 
     def alone(self, out: Path, *, sensor: str) -> ReplayConfig:
-        """The replay of this one condition into a dataset that programs read, with the sensors of a kind.
+        """The replay of this condition into a dataset, with the sensors of a kind.
 
         Args:
             out: Folder of the dataset; the rig's file is written beside it.
@@ -90,8 +90,8 @@ class DriveStream:
             workers=None,
         )
 
-    def tell_movers(self, shares: Mapping[str, float]) -> None:
-        """Write down the shares of movers of some streams, which are the same in all weathers."""
+    def write_movers(self, shares: Mapping[str, float]) -> None:
+        """Write the shares of movers of some streams, which are the same in all weathers."""
         plan = self.plan
         for condition in plan.recipe.conditions_of(self.condition.traffic):
             folder = plan.drive.sequence(condition.name)
@@ -102,12 +102,12 @@ class DriveStream:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveConfig:
-    """Which drives are read as they are made, and under which conditions."""
+    """Drives that are read while they are made, and their conditions."""
 
     episodes: tuple[Path, ...]
     """Drives."""
     options: ReplayOptions
-    """Conditions, rig, quality; formats, workers and the like mean nothing here."""
+    """Conditions, rig, quality; formats and workers are ignored."""
     noise_seeds: int = 1
     """Number of seeds of noise, from that of the options on."""
     start_s: float = 0.0
@@ -140,7 +140,7 @@ def describe_drives(config: DriveConfig, out: Path) -> list[DriveStream]:
         if first is None:
             first = open_episode(episode).header.seed
         for seed in range(first, first + config.noise_seeds):
-            one = ReplayConfig(
+            replayed = ReplayConfig(
                 **{**options, "seed": seed, "workers": 1},
                 episode=episode,
                 out=out / episode.stem / f"seed{seed}",
@@ -148,7 +148,7 @@ def describe_drives(config: DriveConfig, out: Path) -> list[DriveStream]:
                 duration_s=config.duration_s,
                 map=config.map,
             )
-            streams += describe_drive(one)
+            streams += describe_drive(replayed)
     return streams
 
 
@@ -177,7 +177,7 @@ def describe_drive(
     plan = replace(asked, rig=rig, recipe=replace(recipe, rig=rig), origin=origin)
     streams = [DriveStream(plan=plan, condition=condition) for condition in recipe.conditions]
     if not has_drive(config.out, plan.town.name, origin):
-        # What an ended command has left is not whole.
+        # The remains of an interrupted command are not whole.
         shutil.rmtree(plan.drive.path, ignore_errors=True)
         write_shared(
             plan.drive, rig, plan.timeline, plan.span_ns,
@@ -207,6 +207,6 @@ def _slam_rig(rig: SensorRig) -> SensorRig:
     cameras = rig.of_kind("camera")[:2]
     pair = cameras if len(cameras) == 2 else ()
     kept = (*rig.of_kind("imu")[:1], *rig.of_kind("lidar")[:1], *pair)
-    if all(one.kind == "imu" for one in kept):
+    if all(sensor.kind == "imu" for sensor in kept):
         raise EvaluationError(f"rig '{rig.name}' has neither a LiDAR nor two cameras; choose another --rig")
     return replace(rig, sensors=kept)

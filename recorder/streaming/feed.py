@@ -1,8 +1,8 @@
 """The process that makes frames ahead and hands them to systems: ``python -m recorder.streaming.feed FILE``.
 
-Systems of a lane take turns: one has a frame in hand until it asks for the next, so that no two of them
-compete for the lane's cores and a frame's time is the system's own. Each is reached by a connection that the
-benchmark has made; one that ends, however it does, is left out from then on.
+Systems of a lane take turns: a system works on a frame until it asks for the next. So no two systems
+compete for the lane's cores, and a frame's time is that of a single system. The benchmark makes the
+connections to the systems; a system that has ended is left out from then on.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from recorder.streaming.frames import (
 AHEAD = 8
 """Frames that are made ahead."""
 SHARES = "movers.json"
-"""File with the share of movers of each labelled stream and what was shared, written at the end."""
+"""File with the share of movers of each labelled stream and `Feed.shared`, written at the end."""
 _LOOK_S = 0.2
-"""Time after which a maker looks again whether anybody still listens [s]."""
+"""Time between two checks for remaining listeners [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,10 +51,10 @@ class Listener:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeedJob:
-    """What a feed makes and for whom, as its process gets it."""
+    """Frames and listeners of a feed, as its process gets them."""
 
     frames: FrameJob
-    """What it makes."""
+    """The frames."""
     lanes: tuple[tuple[tuple[int, Key], ...], ...]
     """Systems by lane: file descriptor of the connection, and version of the frames."""
     parent: int
@@ -67,7 +67,7 @@ class Feed:
     """Hands frames to the listeners of some lanes while they are made.
 
     Args:
-        job: What is made.
+        job: The frames.
         lanes: Listeners by lane.
     """
 
@@ -80,7 +80,7 @@ class Feed:
         self._lanes = [_Lane(listeners, self._answer) for listeners in lanes]
 
     def run(self, report: Callable[[float], None]) -> dict[str, float]:
-        """Make all frames; return the shares of movers, none if nobody listened to the end.
+        """Make all frames; return the shares of movers, empty if no listener stayed to the end.
 
         Args:
             report: Called at each frame with the part of the drive made so far [s].
@@ -91,7 +91,7 @@ class Feed:
         maker = FrameMaker(self._job)
         try:
             for done_s, versions in maker.frames():
-                # A frame of several conditions is one object.
+                # A frame that several conditions share is a single object.
                 bytes_of = {id(frame): bytes(ForkingPickler.dumps(frame)) for frame in versions.values()}
                 packed = {key: bytes_of[id(frame)] for key, frame in versions.items()}
                 heard = [lane.put(packed) for lane in self._lanes]
@@ -121,7 +121,7 @@ class Feed:
 
 
 class _Lane:
-    """Hands each frame to one listener after another."""
+    """Hands each frame to the listeners in turn."""
 
     def __init__(self, listeners: Sequence[Listener], answer: Callable[[str, Key], bytes]) -> None:
         self._listeners, self._answer = list(listeners), answer
@@ -130,7 +130,7 @@ class _Lane:
         self._thread.start()
 
     def put(self, versions: dict[Key, bytes] | None) -> bool:
-        """Add a frame (None: the end) as soon as there is room; False: nobody listens any more."""
+        """Add a frame (None: the end) as soon as there is room; False: no listener is left."""
         while self._thread.is_alive():
             try:
                 self._frames.put(versions, timeout=_LOOK_S)
@@ -140,14 +140,14 @@ class _Lane:
         return False
 
     def finish(self) -> None:
-        """Tell all that there is no more, and wait until they have understood."""
+        """Send the end to all listeners, and wait for them."""
         self.put(None)
         self._thread.join()
 
     def _run(self) -> None:
         while self._listeners:
             versions = self._frames.get()
-            self._listeners = [one for one in self._listeners if self._give(one, versions)]
+            self._listeners = [listener for listener in self._listeners if self._give(listener, versions)]
             if versions is None:
                 return
 
@@ -168,11 +168,11 @@ class _Lane:
 
 
 _END = bytes(ForkingPickler.dumps(None))
-"""What stands for a frame after the last."""
+"""Sent in place of a frame after the last."""
 
 
 def main(job_file: str) -> int:
-    """Run a `FeedJob`; what went wrong is the last line on stderr."""
+    """Run a `FeedJob`; an error is the last line on stderr."""
     job: FeedJob = pickle.loads(Path(job_file).read_bytes())
     parent = Connection(job.parent)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()

@@ -1,7 +1,7 @@
 """Makes the frames of a drive, sweeps or stereo pairs, for all seeds and weathers that share work.
 
-Rays are cast once for all seeds of noise, and geometry is drawn once for all weathers. What comes out is
-what a system reads from a dataset of the same drive, bit by bit.
+Rays are cast once for all seeds of noise, and geometry is drawn once for all weathers. The frames are
+bit by bit those of a dataset of the same drive.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from recorder.writers.base import DEFAULT_EPOCH_NS, grey
 Masks: TypeAlias = tuple[NDArray[np.bool_], NDArray[np.bool_]]
 """Where the left and the right image show movers, each of shape (H, W)."""
 Frame: TypeAlias = "Scan | tuple[StereoPair, Masks | None]"
-"""What a system takes at a time: a sweep, or a pair of images and where they show movers."""
+"""A frame of a system: a sweep, or a pair of images and masks of their movers."""
 Key: TypeAlias = tuple[int, int]
 """Which version of a frame: number of its condition, and seed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameJob:
-    """Frames of a stretch of a drive under one traffic level."""
+    """Frames of a stretch of a drive under a traffic level."""
 
     recipe: Recipe
     """The drive and its conditions; its rig holds what `sensors_for` leaves."""
@@ -51,7 +51,7 @@ class FrameJob:
     seeds: tuple[int, ...]
     """Seeds of noise."""
     sensor: str
-    """What makes a frame: ``lidar`` or ``stereo``."""
+    """Sensor of a frame: ``lidar`` or ``stereo``."""
     imu: ImuConfig | None
     """The IMU beside it; None: there is none."""
 
@@ -66,7 +66,7 @@ class FrameJob:
 
 
 def sensors_for(rig: SensorRig, sensor: str, *, masks: bool = True) -> SensorRig:
-    """A rig with what frames need and nothing else.
+    """A rig with only the sensors of frames.
 
     Args:
         rig: All sensors.
@@ -90,7 +90,7 @@ def frame_stamps_ns(job: FrameJob, end_ns: int, key: Key) -> NDArray[np.int64]:
     """Unix times of all frames that come [ns], shape (N,).
 
     Args:
-        job: What is made.
+        job: The frames.
         end_ns: End of the drive, by which a sweep must be whole [ns].
         key: Version of the frames.
     """
@@ -101,7 +101,7 @@ def frame_stamps_ns(job: FrameJob, end_ns: int, key: Key) -> NDArray[np.int64]:
         true = [stamp for stamp in true if stamp + lidar_of(rig).sweep_ns <= end_ns]
     faults = job.faults_of(key)
     found = zip(*(faults.stamps_ns(true, sensor, key[1]) for sensor in sensors), strict=True)
-    stamps = [one[0] for one in found if one[0] is not None and len(set(one)) == 1]
+    stamps = [pair[0] for pair in found if pair[0] is not None and len(set(pair)) == 1]
     return DEFAULT_EPOCH_NS + np.array(stamps, np.int64)
 
 
@@ -109,7 +109,7 @@ def inertial_samples(job: FrameJob, timeline: Timeline, key: Key) -> list[ImuSam
     """All inertial samples of the stretch that come; none without an IMU.
 
     Args:
-        job: What is made.
+        job: The frames.
         timeline: The drive.
         key: Version of the frames.
     """
@@ -135,13 +135,13 @@ def inertial_of(sample: Imu) -> ImuSample:
 
 
 class FrameMaker:
-    """Makes frames one after another.
+    """Makes frames in the order of time.
 
     Args:
-        job: What to make.
+        job: The frames.
 
     Raises:
-        EpisodeError: the town is another one than was driven in.
+        EpisodeError: the drive was in another town.
         RenderError: pictures cannot be drawn here.
         RaycastError: rays cannot be cast here.
     """
@@ -155,7 +155,7 @@ class FrameMaker:
         """Instants that were measured so far, and frames that were made of them."""
 
     def frames(self) -> Iterator[tuple[float, dict[Key, Frame]]]:
-        """How much of the stretch has been made [s], and all versions of a frame, in the order of time."""
+        """Length of the finished stretch [s], and all versions of a frame, in the order of time."""
         first, end = self._job.span_ns
         for _ in self._sensors.recall(self._job.span_ns):
             pass
@@ -172,7 +172,7 @@ class FrameMaker:
                 yield (stamp - first) / 1e9, versions[stamp]
 
     def close(self) -> None:
-        """Give GPU memory back."""
+        """Release GPU memory."""
         self._sensors.close()
 
     def mover_shares(self) -> dict[str, float]:
@@ -182,25 +182,25 @@ class FrameMaker:
     def _frames(self, measured: list[Measured]) -> Iterator[tuple[int, int, Frame]]:
         """True stamp, condition and frame of all that was measured in a window and is not lost."""
         by_stamp: dict[int, list[Measured]] = {}
-        for one in measured:
+        for found in measured:
             # The share of movers is that of sound sensors, where some are.
-            if one.weather is None or not self._conditions[one.weather].faults:
-                self._counts.count(one.sample)
-            by_stamp.setdefault(one.order[0], []).append(one)
+            if found.weather is None or not self._conditions[found.weather].faults:
+                self._counts.count(found.sample)
+            by_stamp.setdefault(found.order[0], []).append(found)
         frame_of: Callable[[list[Measured]], Frame | None]
         frame_of = _scan if self._job.sensor == "lidar" else self._pair
-        for stamp, found in by_stamp.items():
+        for stamp, group in by_stamp.items():
             made: dict[tuple[int, ...], Frame | None] = {}
             for number in range(len(self._conditions)):
-                mine = [one for one in found if one.weather in (None, number)]
-                key = tuple(id(one.sample) for one in mine)
+                mine = [found for found in group if found.weather in (None, number)]
+                key = tuple(id(found.sample) for found in mine)
                 if key not in made:
                     made[key] = frame_of(mine)
                 if (frame := made[key]) is not None:
                     yield stamp, number, frame
 
     def _pair(self, measured: list[Measured]) -> tuple[StereoPair, Masks | None] | None:
-        samples = {one.sample.sensor: one.sample for one in measured}
+        samples = {found.sample.sensor: found.sample for found in measured}
         left, right = (camera.name for camera in stereo_of(self._job.recipe.rig))
         images = [samples[f"rgb_{name}"] for name in (left, right) if f"rgb_{name}" in samples]
         if len(images) < 2 or images[0].stamp_ns != images[1].stamp_ns:
@@ -208,12 +208,12 @@ class FrameMaker:
         labelled = [samples.get(f"semantic_{name}") for name in (left, right)]
         greys = [grey(image) for image in images if isinstance(image, Image)]
         pair = StereoPair(stamp_ns=DEFAULT_EPOCH_NS + images[0].stamp_ns, left=greys[0], right=greys[1])
-        masks = [mask_of(one.tag) for one in labelled if isinstance(one, SemanticImage)]
+        masks = [mask_of(image.tag) for image in labelled if isinstance(image, SemanticImage)]
         return pair, (masks[0], masks[1]) if len(masks) == 2 else None
 
 
 def _scan(measured: list[Measured]) -> Scan | None:
-    clouds = [one.sample for one in measured if isinstance(one.sample, PointCloud)]
+    clouds = [found.sample for found in measured if isinstance(found.sample, PointCloud)]
     return scan_of(clouds) if clouds else None
 
 

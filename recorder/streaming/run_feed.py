@@ -20,14 +20,14 @@ from recorder.streaming.feed import SHARES, FeedJob
 from recorder.streaming.frames import FrameJob, Key
 
 LOG = "feed.log"
-"""File with all that a feed prints."""
+"""File with a feed's output."""
 
 
 class RunningFeed:
     """The process of a feed, ended at the latest with the context.
 
     Args:
-        job: What it makes.
+        job: The frames.
         lanes: Which version each system of each lane gets.
         out: Folder of its files.
         cores: Cores that it may use; empty: all.
@@ -82,7 +82,7 @@ class RunningFeed:
             while self._parent.poll(max(until - time.monotonic(), 0.0)):
                 self._made_s = self._parent.recv()
         except (EOFError, OSError):
-            # It has ended; whoever asks again and again must not do so without a pause.
+            # It has ended; a caller in a loop must not spin.
             time.sleep(wait_s)
         return self._made_s
 

@@ -1,7 +1,7 @@
-"""Two makings of one dataset, compared: pictures and events within bounds, all the rest byte for byte.
+"""Compares two builds of a dataset: pictures and events within bounds, all other files byte for byte.
 
-On processors of one kind all bytes are equal. On another kind the software renderer rounds a few values of
-pictures otherwise, and event cameras look at pictures (docs/factory.md has what was measured).
+All bytes are equal on processors of the same kind. On other kinds the software renderer rounds a few
+values of pictures differently, and event cameras depend on pictures (docs/factory.md has measurements).
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ STEP = 1
 STEP_SHARE = 1e-4
 """Largest share of a picture's values that differ."""
 EVENT_SHARE = 0.05
-"""Largest share of a file's or message's events, of those in either, that stand in one of both alone."""
+"""Largest share of events that only one of two files or messages has."""
 _OF_A_RECORDING = ("created_utc", "versions", "crc32", "sha256")
-"""What an episode's header and its description say of when and by what it was recorded."""
+"""Entries of an episode's header and description that depend on the time and program of recording."""
 _FEW = 5
-"""So many events may stand alone, however few there are."""
+"""Number of events without a counterpart that is always accepted."""
 _LABELS = ("semantic", "instance", "label")
-"""Parts of the names of pictures whose values are numbers of things."""
+"""Parts of the names of pictures whose values are labels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """What two datasets have in common."""
+    """Result of a comparison."""
 
     within: tuple[str, ...]
     """Files that differ by no more than their bounds, a line each."""
@@ -51,16 +51,16 @@ class Comparison:
 
 
 def compare(folder: Path, other: Path) -> Comparison:
-    """Compare a dataset with one that was made of the same recipe elsewhere.
+    """Compare a dataset with another build of the same recipe.
 
     Args:
         folder: A dataset.
-        other: The other one.
+        other: The other dataset.
 
     Raises:
         ConfigError: the other folder holds no dataset.
     """
-    manifests = [DatasetManifest.read(one) for one in (folder, other)]
+    manifests = [DatasetManifest.read(path) for path in (folder, other)]
     ours, theirs = checksums(folder), checksums(other)
     findings = [f"{name}: only in {other}" for name in sorted(set(theirs) - set(ours))]
     findings += [f"{name}: not in {other}" for name in sorted(set(ours) - set(theirs))]
@@ -72,7 +72,7 @@ def compare(folder: Path, other: Path) -> Comparison:
             continue
         try:
             beyond = differences(folder / name, other / name)
-        # Damaged files make their readers raise whatever their parts do.
+        # Readers raise many kinds of errors on damaged files.
         except Exception as error:
             beyond = f"cannot be compared: {type(error).__name__} {' '.join(str(error).split())[:200]}"
         if beyond:
@@ -83,7 +83,7 @@ def compare(folder: Path, other: Path) -> Comparison:
 
 
 def _origins(manifest: DatasetManifest) -> dict[str, Any]:
-    """Where the drives come from, without what differs from one recording of a drive to the next."""
+    """Origins of the drives, without the entries that differ between recordings of the same drive."""
     return {
         town: {**origin, "episode": {k: v for k, v in origin["episode"].items() if k not in _OF_A_RECORDING}}
         for town, origin in manifest.drives.items()
@@ -91,7 +91,7 @@ def _origins(manifest: DatasetManifest) -> dict[str, Any]:
 
 
 def differences(ours: Path, theirs: Path) -> str:
-    """What of two files of one name differs by more than its bound; nothing where that is all."""
+    """Difference of two files beyond the bounds; empty if there is none."""
     kind = ours.suffix
     if kind == ".mcap" and ours.parent.name == EPISODES:
         return _of_episodes(ours, theirs)
@@ -107,7 +107,7 @@ def differences(ours: Path, theirs: Path) -> str:
 
 
 def of_pictures(ours: NDArray[Any], theirs: NDArray[Any]) -> str:
-    """What of two pictures of 8 bits differs by more than the bound."""
+    """Difference of two 8-bit pictures beyond the bounds; empty if there is none."""
     if ours.shape != theirs.shape or ours.dtype != np.uint8 or theirs.dtype != np.uint8:
         return "has other bytes"
     apart = np.abs(ours.astype(np.int16) - theirs)
@@ -118,7 +118,7 @@ def of_pictures(ours: NDArray[Any], theirs: NDArray[Any]) -> str:
 
 
 def of_events(ours: NDArray[np.void], theirs: NDArray[np.void]) -> str:
-    """What of two arrays of events, in any order, differs by more than the bound."""
+    """Difference of two arrays of events, in any order, beyond the bound; empty if there is none."""
     first, second = (Counter(rows.tolist()) for rows in (ours, theirs))
     alone = ((first - second) + (second - first)).total()
     share = alone / max((first | second).total(), 1)
@@ -140,7 +140,7 @@ def _of_arrays(ours: dict[str, NDArray[Any]], theirs: dict[str, NDArray[Any]]) -
 
 
 def _event_file(path: Path) -> dict[str, NDArray[Any]]:
-    """Events of a file of DSEC as rows, and what else it holds; the index follows from them."""
+    """Events of a DSEC file as rows, and its other arrays but the index, which follows from the events."""
     found: dict[str, NDArray[Any]] = {}
 
     def visit(name: str, node: Any) -> None:
@@ -160,7 +160,7 @@ def _event_file(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def _of_episodes(ours: Path, theirs: Path) -> str:
-    """What differs in two recordings of a drive, beside when and by which versions they were made."""
+    """Difference of two recordings of a drive, except for times and versions of recording."""
     first, second = (read_episode_file(path) for path in (ours, theirs))
     if (first.payloads, first.stamps_ns) != (second.payloads, second.stamps_ns):
         return "is another drive"
@@ -173,14 +173,14 @@ def _header(episode: Container) -> list[dict[str, str]]:
 
 
 def _of_messages(ours: Path, theirs: Path) -> Iterator[str]:
-    """What differs by more than its bound in two bags, message by message."""
+    """Differences of two bags beyond the bounds, message by message."""
     paths = [path if path.suffix == ".bag" else path.parent for path in (ours, theirs)]
     with open_bag(paths[0]) as first, open_bag(paths[1]) as second:
-        for one, another in itertools.zip_longest(first.messages(), second.messages()):
-            if one is None or another is None:
+        for mine, other in itertools.zip_longest(first.messages(), second.messages()):
+            if mine is None or other is None:
                 yield "has another number of messages"
                 return
-            (connection, stamp, data), (its, its_stamp, its_data) = one, another
+            (connection, stamp, data), (its, its_stamp, its_data) = mine, other
             topic, kind = connection.topic, connection.msgtype
             if (topic, kind, stamp) != (its.topic, its.msgtype, its_stamp):
                 yield f"messages differ from {stamp} ns on: {topic}, {its.topic}"

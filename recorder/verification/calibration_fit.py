@@ -36,7 +36,7 @@ _CLOUDS = ("points_labelled", "points", "cloud_draco")
 _DEPTHS = ("image_32fc1", "depth_png")
 """Encoders of messages that are compared, see `messages.ENCODERS`."""
 _GENERIC = 4
-"""What Draco calls attributes that have no meaning of their own."""
+"""Draco's type of attributes without a standard meaning."""
 _GRAVITY_MPS2 = np.array([0.0, 0.0, -9.81])
 
 
@@ -50,7 +50,7 @@ def extrinsics_of(drive: DriveFolder) -> dict[str, Array]:
 def check_fit(
     drive: DriveFolder, bag: Path, profile: TopicProfile, streams: Collection[str]
 ) -> Iterator[str]:
-    """What of the calibration does not fit a bag.
+    """Parts of the calibration that do not fit a bag.
 
     Args:
         drive: Folder of calibration and truth.
@@ -65,7 +65,7 @@ def check_fit(
         return topic_of(profile, kind, wanted, streams=streams, encoders=encoders)
 
     with open_bag(bag) as reader:
-        connections: dict[str | None, Connection] = {one.topic: one for one in reader.connections}
+        connections: dict[str | None, Connection] = {c.topic: c for c in reader.connections}
         lidar = connections.get(topic(PointCloud, _CLOUDS, "lidar_semantic", "lidar"))
         for stream in sorted(streams):
             depths = connections.get(topic(DepthImage, _DEPTHS, stream))
@@ -136,7 +136,7 @@ def _points_of(cloud: Any) -> tuple[Array, Any]:
 def _in_camera(
     xyz: Array, after_ns: Any, stamp_ns: int, T_base_lidar: Array, T_base_camera: Array, truth: Trajectory
 ) -> Array:
-    """Points of a cloud in the camera's frame at the stamp, each seen at its own time, shape (N, 3)."""
+    """Points of a cloud, each measured at another time, in the camera's frame at the stamp, shape (N, 3)."""
     at_ns = stamp_ns + after_ns
     keep = at_ns <= truth.stamp_ns[-1]
     position, quat = _pose_at(truth, at_ns[keep])
@@ -172,7 +172,7 @@ def _fitting(points: Array, depth_m: Any, info: Any) -> Any:
     u, v = np.round(pixels[:, 0]).astype(int).T
     seen = (u >= 0) & (v >= 0) & (u < depth_m.shape[1]) & (v < depth_m.shape[0])
     z = points[seen, 2]
-    # On a street seen at a flat angle, a pixel spans metres: its neighbours tell between which depths.
+    # On a street seen at a flat angle, a pixel spans metres: its neighbours bound the depths.
     sky_far = np.where(depth_m > 0.0, depth_m, np.float32(1e6))
     around = np.ones((3, 3), np.uint8)
     nearest, farthest = (

@@ -1,4 +1,4 @@
-"""Streams of a sequence: how many messages, at which times, and whether a stereo pair is one."""
+"""Checks of a sequence's streams: number of messages, their stamps, and equal stamps of a stereo pair."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from recorder.writers.topics import TopicProfile
 Stamps = NDArray[np.int64]
 _PAIR = ("rgb_left", "rgb_right")
 """Streams of a stereo pair."""
-_OF_NOBODY = {Odometry: "truth", ObjectList: "objects"}
+_TRUTH_STREAMS = {Odometry: "truth", ObjectList: "objects"}
 """Streams of the replay itself, whose rules fit any name."""
 
 
 def check_bag(bag: Path, samples: Mapping[str, int], profile: TopicProfile) -> Iterator[str]:
-    """What is wrong with the messages of a bag.
+    """Faults of the messages of a bag.
 
     Args:
         bag: The bag.
-        samples: Number of samples by stream, as the sequence tells.
+        samples: Number of samples by stream, from the sequence's description.
         profile: Topics of the bag.
     """
     found: dict[str, list[int]] = defaultdict(list)
@@ -52,7 +52,7 @@ def expected_counts(samples: Mapping[str, int], profile: TopicProfile) -> dict[t
     kinds = {rule.sample for rule in profile.rules}
     for stream, number in samples.items():
         for kind in kinds:
-            if _OF_NOBODY.get(kind, stream) != stream:
+            if _TRUTH_STREAMS.get(kind, stream) != stream:
                 continue
             for route in profile.routes(kind, stream, samples):
                 counts[route.topic, ENCODERS[route.message][0]] += number
@@ -60,7 +60,7 @@ def expected_counts(samples: Mapping[str, int], profile: TopicProfile) -> dict[t
 
 
 def check_gaps(name: str, stamps_ns: Stamps) -> Iterator[str]:
-    """Whether messages are missing between others, or stamps do not rise."""
+    """Gaps between messages, and stamps that do not rise."""
     steps = np.diff(stamps_ns)
     if len(steps) < 2:
         return
@@ -75,7 +75,7 @@ def check_gaps(name: str, stamps_ns: Stamps) -> Iterator[str]:
 
 
 def check_pair(name: str, left_ns: Stamps, right_ns: Stamps) -> Iterator[str]:
-    """Whether the images of a stereo pair have the same stamps; cameras of two rates are no pair."""
+    """Unequal stamps of a stereo pair's images; cameras of different rates are no pair."""
     if min(len(left_ns), len(right_ns)) < 2:
         return
     periods = [float(np.median(np.diff(np.sort(stamps)))) for stamps in (left_ns, right_ns)]
@@ -87,7 +87,7 @@ def check_pair(name: str, left_ns: Stamps, right_ns: Stamps) -> Iterator[str]:
 
 
 def check_euroc(mav0: Path) -> Iterator[str]:
-    """What is wrong with the tables and images of a EuRoC folder."""
+    """Faults of the tables and images of a EuRoC folder."""
     pictures: dict[str, Stamps] = {}
     for table in sorted(mav0.glob("*/data.csv")):
         lines = [line.split(",") for line in table.read_text("utf-8").splitlines() if line[:1] != "#"]
@@ -108,7 +108,7 @@ def check_euroc(mav0: Path) -> Iterator[str]:
 
 
 def check_kitti(folder: Path) -> Iterator[str]:
-    """Whether a KITTI folder has as many of everything."""
+    """Unequal numbers of files and lines in a KITTI folder."""
     counts = {name: len(list((folder / name).iterdir())) for name in ("velodyne", "labels")}
     counts |= {
         name: len((folder / name).read_text("ascii").split("\n")) - 1 for name in ("poses.txt", "times.txt")

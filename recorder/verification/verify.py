@@ -19,26 +19,26 @@ from recorder.writers.topics import TopicProfile
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """What was looked at, and what is wrong."""
+    """Result of a verification."""
 
     files: int
     """Number of files whose checksums were compared."""
     sequences: int
     """Number of sequences."""
     findings: tuple[str, ...]
-    """What is wrong, a line each; empty: the dataset is whole and true."""
+    """Faults, a line each; empty: the dataset is whole and correct."""
     within: tuple[str, ...] = ()
-    """Files that differ from those of another making within the bounds, a line each."""
+    """Files that differ from the other dataset's within the bounds, a line each."""
 
 
 def verify(
     folder: Path, progress: Callable[[str], None] | None = None, *, against: Path | None = None
 ) -> Verification:
-    """Look for all that can be wrong with a finished dataset.
+    """Check a finished dataset for faults.
 
     Args:
         folder: Folder of the dataset.
-        progress: Called with the name of the file in hand.
+        progress: Called with the name of each part before it is checked.
         against: The same dataset, made elsewhere: pictures and events may differ from it within bounds.
 
     Raises:
@@ -46,19 +46,19 @@ def verify(
     """
     manifest = DatasetManifest.read(folder)
     expected = read_checksums(folder)
-    tell = progress or (lambda _: None)
-    tell("checksums")
+    report = progress or (lambda _: None)
+    report("checksums")
     findings = list(check_files(folder, expected))
     if (folder / FOLDER).exists():
         findings.append(f"{FOLDER}: an unfinished run lies there; run its command again")
     for name in manifest.sequences:
-        tell(name)
+        report(name)
         sequence = SequenceFolder(path_below(folder, name))
         profile = manifest.profile(sequence.path.parent.name)
-        findings += [f"{name}: {what}" for what in _check_sequence(sequence, profile)]
+        findings += [f"{name}: {fault}" for fault in _check_sequence(sequence, profile)]
     within: tuple[str, ...] = ()
     if against is not None:
-        tell(str(against))
+        report(str(against))
         comparison = compare(folder, against)
         findings += comparison.findings
         within = comparison.within
@@ -86,13 +86,13 @@ def _check_sequence(sequence: SequenceFolder, profile: TopicProfile) -> Iterator
     try:
         samples = SequenceDescription.read(sequence).samples
         for bag in sequence.bags:
-            yield from (f"{bag.name}: {what}" for what in check_bag(bag, samples, profile))
+            yield from (f"{bag.name}: {fault}" for fault in check_bag(bag, samples, profile))
         if (mav0 := sequence.place("euroc")).is_dir():
             yield from check_euroc(mav0)
         if (kitti := sequence.place("kitti")).is_dir():
             yield from check_kitti(kitti)
         if sequence.bags:
             yield from check_fit(sequence.drive, sequence.bags[0], profile, samples)
-    # Damaged files make their readers raise whatever their parts do: struct, zlib, assertions, …
+    # Readers raise many kinds of errors on damaged files: struct, zlib, assertions, …
     except Exception as error:
         yield f"cannot be read: {type(error).__name__} {' '.join(str(error).split())[:200]}"

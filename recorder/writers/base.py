@@ -34,21 +34,21 @@ It is fixed so that the same drive always gives the same bytes, and far from 0, 
 PNG_RUN_LENGTHS = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 """Run lengths only: a noisy 1280×720 image takes 13 ms and 507 kB, by default 17 ms and 569 kB."""
 _FAILURES = (OSError, sqlite3.Error)
-"""What libraries raise when a disk takes no more."""
+"""Exceptions that libraries raise when a disk is full."""
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """What a format makes of a sample, or of a part of it."""
+    """A sample, or a part of it, as a format stores it."""
 
     stamp_ns: int
     """Stamp of the sample [ns]."""
     place: str
-    """Where it goes: a topic, a table, a file; each format has names of its own."""
+    """Destination in the output: a topic, a table or a file, named by the format."""
     kind: str
-    """What it is, where the place does not tell: a type of message."""
+    """Type of the content where the place does not imply it, e.g. a type of message."""
     data: bytes
-    """Content as it will stand in the file, or nearly so."""
+    """Content, encoded for the file."""
 
 
 class Encoder(ABC):
@@ -65,7 +65,7 @@ class Encoder(ABC):
     def encode(self, sample: Sample) -> list[Piece]:
         """Pieces of a sample; none of a kind that the format does not hold.
 
-        They depend on the sample alone, never on those before it.
+        They depend on the sample alone, never on earlier samples.
 
         Raises:
             WriterError: the sample does not fit the calibration.
@@ -127,7 +127,7 @@ class Writer(ABC):
         """Add a sample; stamps never go back.
 
         Raises:
-            WriterError: the writer is closed, the stamp is older than the one before, or the disk is full.
+            WriterError: the writer is closed, the stamp is older than the previous one, or the disk is full.
         """
         self._check(sample.stamp_ns, sample.sensor)
         for piece in self.encoder.encode(sample):
@@ -137,7 +137,7 @@ class Writer(ABC):
         """Add a piece of an encoder with the same settings; stamps never go back.
 
         Raises:
-            WriterError: the writer is closed, the stamp is older than the one before, or the disk is full.
+            WriterError: the writer is closed, the stamp is older than the previous one, or the disk is full.
         """
         self._check(piece.stamp_ns, piece.place)
         self._last_ns = piece.stamp_ns
@@ -188,15 +188,15 @@ class Writer(ABC):
 
     @abstractmethod
     def _finish(self) -> None:
-        """Write what belongs at the end and close all files."""
+        """Write the end of the file and close all files."""
 
     @abstractmethod
     def _drop(self) -> None:
-        """Close all files without completing them, also those that a full disk keeps from closing."""
+        """Close all files without completing them, even on a full disk."""
 
 
 def close_unfinished(files: Iterable[IO[Any]]) -> None:
-    """Close files whose last bytes nobody wants; a full disk may refuse them."""
+    """Close files that are discarded; errors of a full disk are ignored."""
     for file in files:
         with suppress(OSError):
             file.close()
@@ -225,11 +225,11 @@ def png_of(pixels: NDArray[Any], name: str, options: Sequence[int] = PNG_RUN_LEN
 
     Args:
         pixels: Grey or BGR, 8 or 16 bits.
-        name: What an error calls it.
+        name: Name of the image in errors.
         options: Pairs of OpenCV's settings and their values.
 
     Raises:
-        WriterError: OpenCV cannot do it.
+        WriterError: OpenCV cannot encode it.
     """
     done, png = cv2.imencode(".png", pixels, options)
     if not done:

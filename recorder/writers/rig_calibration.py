@@ -1,4 +1,4 @@
-"""What calibration files say about a rig: where the sensors sit and the numbers they are used with."""
+"""The calibration of a rig: mounts, intrinsics and noise of its sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which stream goes to which topic as which message: profiles as data."""
+"""Topic profiles: the topic and the message of each stream."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class TopicRule:
     message: str
     """Name of the function in `messages.ENCODERS`."""
     frame_id: str | None = None
-    """Frame in the message's header, if not the sample's own."""
+    """Frame in the message's header; None: the sample's."""
     unless: str | None = None
     """Not written when the rig has this stream (with ``{}`` as above), which holds the same and more."""
 
@@ -54,14 +54,14 @@ class TopicRule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicRoute:
-    """Topic, message and frame of one stream."""
+    """Topic, message and frame of a stream."""
 
     topic: str
     """Topic."""
     message: str
     """Name of the function in `messages.ENCODERS`."""
     frame_id: str | None
-    """Frame in the header, if not the sample's own."""
+    """Frame in the header; None: the sample's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class TopicProfile:
     def routes(
         self, kind: type[Sample], stream: str, streams: Collection[str] | None = None
     ) -> tuple[TopicRoute, ...]:
-        """Where the samples of a stream go; nowhere if the profile does not hold it.
+        """Topics and messages of a stream's samples; none if the profile leaves the stream out.
 
         Args:
             kind: Kind of sample.
@@ -106,7 +106,7 @@ class TopicProfile:
         return routes[0].topic if routes else f"/{stream}"
 
     def frame(self, kind: type[Sample], stream: str, frame_id: str) -> str:
-        """Frame in the headers of a stream whose own frame is `frame_id`."""
+        """Frame in the headers of a stream whose samples have the frame `frame_id`."""
         routes = self.routes(kind, stream)
         return routes[0].frame_id or frame_id if routes else frame_id
 
@@ -173,7 +173,7 @@ SLAM = TopicProfile(
         TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
     ),
 )
-"""What SLAM systems read: grey images and the plain cloud, a third of the size of `STANDARD`."""
+"""For SLAM systems: grey images and the plain cloud, a third of the size of `STANDARD`."""
 
 PAPER_SEG = TopicProfile(
     name="paper_seg",

@@ -107,7 +107,7 @@ def test_asked_to_end_it_says_how_to_go_on_and_killed_it_goes_on(
     assert child.returncode == 1
     (line,) = [line for line in stderr.splitlines() if line.startswith("carlaloc replay: ")]
     assert line.startswith("carlaloc replay: interrupted; ")
-    assert line.endswith(" the same command goes on from there")
+    assert line.endswith(" the same command resumes from there")
     assert stdout == ""
     assert [path.name for path in out.iterdir()] == [FOLDER]
     assert not list(out.rglob("*.part"))
@@ -119,7 +119,7 @@ def test_asked_to_end_it_says_how_to_go_on_and_killed_it_goes_on(
     # Gone on with, it is killed.
     child = start(command(straight_drive, out), out, 2)
     child.kill()
-    assert "units that are whole already" in child.communicate(timeout=600)[1]
+    assert "units that are already whole" in child.communicate(timeout=600)[1]
     end = time.monotonic() + 20.0
     while processes_in(out):
         assert time.monotonic() < end, "workers outlive the killed replay"
@@ -133,7 +133,7 @@ def test_asked_to_end_it_says_how_to_go_on_and_killed_it_goes_on(
     data[len(data) // 2] ^= 1
     spool.write_bytes(data)
     said = finish(straight_drive, out, whole)
-    assert f"going on with {len(kept) - 1} of 8 units" in said
+    assert f"resuming with {len(kept) - 1} of 8 units" in said
 
 
 def test_interrupted_before_anything_is_whole_it_leaves_nothing(

@@ -56,7 +56,7 @@ def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, st
     """Text of every file by its name.
 
     Raises:
-        WriterError: one of the first two cameras is a fisheye, the other is none.
+        WriterError: only one of the first two cameras has a fisheye lens.
     """
     if len({camera.lens.model == "equidistant" for camera in rig.cameras[:2]}) > 1:
         raise WriterError("ORB-SLAM3 needs the same lens model on both cameras; change one of them")

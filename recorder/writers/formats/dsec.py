@@ -22,7 +22,7 @@ from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer
 RECTIFY_MAP = "rectify_map.h5"
 """Name of the file with the map."""
 _CHUNK = 1 << 18
-"""Events in one compressed piece of the file."""
+"""Events in each compressed chunk of the file."""
 _COLUMNS = {"t": "<u4", "x": "<u2", "y": "<u2", "p": "|u1"}
 
 
@@ -151,7 +151,7 @@ class _DiskFile(io.FileIO):
         return size
 
     def raise_failure(self) -> None:
-        """Raise what a write has failed with.
+        """Raise the error of a failed write.
 
         Raises:
             OSError: the disk is full, or worse.

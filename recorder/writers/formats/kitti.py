@@ -3,7 +3,7 @@
 ``velodyne/%06d.bin`` (x, y, z, remission as float32), ``labels/%06d.label``, ``image_2`` and ``image_3``,
 ``poses.txt`` (of the left camera, relative to its first), ``calib.txt``, ``times.txt``
 (Geiger et al., CVPR 2012; semantic-kitti-api's README). As there, points lie where they were seen at the
-time of the frame: each is moved from its own time to the beginning of its sweep, by the exact motion.
+time of the frame: the exact motion moves each from the time of its measurement to the beginning of its sweep.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class _Sweep:
     sweep_ns: int
     rows: NDArray[np.void]
     moving: NDArray[np.uint32]
-    """Instance ids of what moves."""
+    """Instance ids of moving objects."""
 
 
 class KittiEncoder(Encoder):
@@ -135,7 +135,7 @@ class KittiWriter(Writer):
             rows = np.frombuffer(piece.data, _ROW)
             self._waiting.append(_Sweep(piece.stamp_ns, int(piece.kind), rows, self._moving))
         elif piece.stamp_ns in self._frames:
-            # KITTI has no place for an image of an instant at which no sweep begins.
+            # KITTI cannot hold an image between the beginnings of sweeps.
             name = f"{self._frames[piece.stamp_ns]:06d}.png"
             (self._part / piece.place / name).write_bytes(piece.data)
 
@@ -197,7 +197,7 @@ class KittiWriter(Writer):
         return "\n".join(lines) + "\n"
 
     def _finish(self) -> None:
-        # The last sweep may end after the last pose; a frame without truth is none.
+        # The last sweep may end after the last pose; a frame needs truth.
         for sweep in self._waiting:
             name = f"{self._frames[sweep.stamp_ns]:06d}.png"
             for folder in self.encoder.images.values():

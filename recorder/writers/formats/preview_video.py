@@ -1,4 +1,4 @@
-"""A short film of a sequence: what its rig has of colour, depth, semantics and LiDAR, side by side."""
+"""A short film of a sequence: colour, depth, semantics and LiDAR of its rig, side by side."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _STILL_EVERY = 60
 _PANEL_SHAPE = (PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3)
 _X264 = {"crf": "23", "preset": "veryfast", "threads": "1"}
-"""Quality and effort of the encoder; one thread, since every level has a process of its own."""
+"""Quality and effort of the encoder; one thread, since every level runs in a separate process."""
 
 
 def shown_streams(streams: Collection[str], *, camera: str | None, lidar: str | None) -> dict[str, str]:
@@ -60,7 +60,7 @@ class PreviewEncoder(Encoder):
 
 
 class PreviewWriter(Writer):
-    """An mp4 with one image per instant of the first stream shown; nothing where no stream is.
+    """An mp4 with one image per instant of the first stream shown; no film where no stream is shown.
 
     The film is `target`; one of its images stands beside it as `<stem>.png`.
 
@@ -68,7 +68,7 @@ class PreviewWriter(Writer):
         target: Path of the film.
         encoder: Makes the panels; each has a place in every image.
         rate_hz: Samples of the first of them per second [Hz].
-        caption: What the film calls itself.
+        caption: Title in the film.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class _Film:
     """H.264 in an mp4, which browsers play."""
 
     def __init__(self, path: Path, width_px: int, height_px: int, rate_hz: float) -> None:
-        # Imported here: who makes units but assembles none does without FFmpeg's libraries.
+        # Imported here: workers that only make units do not need FFmpeg's libraries.
         import av
 
         rate = Fraction(rate_hz).limit_denominator(1000)
@@ -157,7 +157,7 @@ class _Film:
         self._container.mux(self._stream.encode(frame))
 
     def complete(self) -> None:
-        """Write what is still held back, and close the file."""
+        """Write the delayed frames, and close the file."""
         if self._container is not None:
             container, self._container = self._container, None
             try:

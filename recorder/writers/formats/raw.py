@@ -1,7 +1,7 @@
 """Samples as they are: PNG, PLY and npz in a folder per stream, for programs that know no robotics.
 
 ``rgb_left/%d.png``, ``semantic_left/%d.png`` (tags) and ``%d.instance.npz``, ``depth_left/%d.npz`` …,
-``lidar/%d.ply``, ``events_left/%d.npz``; what is small and frequent is one table a stream, ``imu.npz``. File
+``lidar/%d.ply``, ``events_left/%d.npz``; small and frequent samples are a table per stream, ``imu.npz``. File
 names are stamps, arrays have the names and units of `carlaloc_env.samples`.
 """
 
@@ -61,7 +61,7 @@ class RawEncoder(Encoder):
 
 
 class RawWriter(Writer):
-    """All samples of a sequence in one folder."""
+    """All samples of a sequence in a folder."""
 
     def _begin(self, part: Path) -> None:
         part.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""What writers of ROS 1 and ROS 2 bags share: which sample becomes which message on which topic."""
+"""The common part of ROS 1 and ROS 2 bag writers: the message and the topic of each sample."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class BagEncoder(Encoder):
     Args:
         calibration: Where the sensors sit, and the cameras' intrinsics.
         profile: Name of a topic profile.
-        streams: All streams that will come, so that a plain cloud is left out where the labelled one
-            goes to the same topic; None: nothing is left out.
+        streams: All streams that will come, so that a plain cloud is left out where the labelled
+            cloud has the same topic; None: nothing is left out.
         epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
@@ -64,7 +64,7 @@ class BagEncoder(Encoder):
         """Messages of a sample, by their topics."""
         pieces = []
         for route in self.profile.routes(type(sample), sample.sensor, self._streams):
-            # Without a topic the message is not counted: that is for the writer, which knows those before it.
+            # Without a topic the message is not counted: the writer counts, which sees them in order.
             message = self.maker.make(route.message, sample, "", route.frame_id)
             kind = ENCODERS[route.message][0]
             data = self.serialise(message, kind)
@@ -110,7 +110,7 @@ class BagWriter(Writer):
         self._add(self._with_video(piece) if piece.kind == _VIDEO else piece)
 
     def _with_video(self, piece: Piece) -> Piece:
-        """A picture encoded: that takes those before it, so it is done here, in their order."""
+        """A picture as video: each depends on earlier pictures, so that the writer encodes them in order."""
         message = self.encoder.deserialise(piece.data, piece.kind)
         kind, width, height = message.format.split()
         assert kind == I420
@@ -135,5 +135,5 @@ class BagWriter(Writer):
 
         Args:
             piece: Its topic, type, time since the drive began, and bytes.
-            latched: Whether those who subscribe later get it too.
+            latched: Whether later subscribers get it too.
         """

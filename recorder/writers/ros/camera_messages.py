@@ -45,7 +45,7 @@ def image_32fc3(maker: MessageParts, header: Message, sample: NormalImage) -> Me
 
 
 def event_array(maker: MessageParts, header: Message, sample: Events) -> Message:
-    """Without the events themselves, which bags append in one piece."""
+    """Header and size; bags append all events as a block."""
     return maker.new(
         "dvs_msgs/EventArray", header=header, height=sample.height_px, width=sample.width_px, events=[]
     )

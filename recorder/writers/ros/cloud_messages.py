@@ -16,7 +16,7 @@ _POINT_DTYPE = np.dtype(
 _ROAD_USERS = np.array(
     [Tag.PEDESTRIAN, Tag.RIDER, Tag.CAR, Tag.TRUCK, Tag.BUS, Tag.TRAIN, Tag.MOTORCYCLE, Tag.BICYCLE]
 )
-"""What CARLA's tags 4 and 10 were at the time of the paper: pedestrians and vehicles."""
+"""CARLA's tags 4 and 10 at the time of the paper: pedestrians and vehicles."""
 _LABELLED_DTYPE = np.dtype([*_POINT_DTYPE.descr, ("label", "u1"), ("id", "<u4")])
 _RADAR_DTYPE = np.dtype(
     [

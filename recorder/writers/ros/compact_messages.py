@@ -1,6 +1,6 @@
 """ROS messages of the profiles `compact`: video, depth and labels as PNG, clouds by Draco.
 
-What each loses is told in docs/formats.md and held by tests.
+docs/formats.md gives the losses of each, and tests hold them.
 """
 
 from __future__ import annotations

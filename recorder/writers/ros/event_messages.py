@@ -17,7 +17,7 @@ _CDR = np.dtype(
         "itemsize": 16,
     }
 )
-"""CDR aligns every number to its own size: 16 bytes per event, the last two of them the next one's x."""
+"""CDR aligns every number to its size: 16 bytes per event, the last two of them the next event's x."""
 
 
 EVENT_TYPE = "dvs_msgs/msg/EventArray"
@@ -67,13 +67,13 @@ def unpacked_events(data: bytes) -> tuple[bytes, NDArray[np.void]]:
         data: The message.
 
     Returns:
-        What stands before their count, and rows of t since 1970 [ns], x, y and p (1: brighter), shape (N,).
+        The bytes before their count, and rows of t since 1970 [ns], x, y and p (1: brighter), shape (N,).
     """
     # ROS 2: time, text, sizes; ROS 1 has a number before the time. Both end with 13 or 16 bytes an event.
     ros2 = data[:4] == b"\x00\x01\x00\x00" and _rows_at(data, 12, 4) is not None
     rows = _rows_at(data, 12, 4) if ros2 else _rows_at(data, 12, 1)
     if rows is None:
-        raise WriterError("a message of events ends early; write the bag anew")
+        raise WriterError("a message of events ends early; write the bag again")
     at, count = rows
     found = np.zeros(count, [("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
     if ros2:
@@ -91,7 +91,7 @@ def unpacked_events(data: bytes) -> tuple[bytes, NDArray[np.void]]:
 
 
 def _rows_at(data: bytes, text_at: int, aligned: int) -> tuple[int, int] | None:
-    """Where the events of a message begin and how many they are, None where its length says otherwise."""
+    """Where the events of a message begin and how many they are, None where its length contradicts that."""
     text_end = text_at + 4 + int.from_bytes(data[text_at : text_at + 4], "little")
     count_at = -(-text_end // aligned) * aligned + 8
     count = int.from_bytes(data[count_at : count_at + 4], "little")

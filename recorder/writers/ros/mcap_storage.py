@@ -17,7 +17,7 @@ CHUNK_BYTES = 1 << 20
 
 
 class McapStorage:
-    """What `rosbags.rosbag2.Writer` calls to store messages.
+    """Storage that `rosbags.rosbag2.Writer` calls for each message.
 
     Args:
         path: Folder of the bag; the file is named after it.

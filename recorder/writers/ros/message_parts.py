@@ -1,4 +1,4 @@
-"""What ROS messages consist of, for ROS 1 and ROS 2 alike: types, headers, vectors, images, tables."""
+"""Parts of ROS messages, for ROS 1 and ROS 2 alike: types, headers, vectors, images, tables."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def make_typestore(store: Stores = Stores.ROS1_NOETIC) -> Typestore:
 
 
 class MessageParts:
-    """Makes the parts that messages of one type store consist of.
+    """Makes the parts of messages with the types of a type store.
 
     A header's `seq`, which ROS 1 has and ROS 2 has not, counts per maker and topic; without a topic it is 0.
     """

@@ -1,4 +1,4 @@
-"""ROS messages of samples: one function per kind, for ROS 1 and ROS 2 alike."""
+"""ROS messages of samples: a function per kind, for ROS 1 and ROS 2 alike."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from recorder.writers.ros.message_parts import Message, MessageParts
 
 
 class MessageMaker(MessageParts):
-    """Makes messages of samples, of one type store."""
+    """Makes messages of samples with the types of a type store."""
 
     def make(self, encoder: str, sample: Sample, topic: str, frame_id: str | None = None) -> Message:
-        """Message of a sample by one of `ENCODERS`."""
+        """Message of a sample by the name of its encoder in `ENCODERS`."""
         header = self.header(sample.stamp_ns, frame_id or sample.frame_id, topic)
         return ENCODERS[encoder][1](self, header, sample)
 
@@ -50,4 +50,4 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]]
     "acceleration": ("geometry_msgs/msg/AccelStamped", state_messages.acceleration),
     "odometry": ("nav_msgs/msg/Odometry", state_messages.odometry),
 }
-"""Message type and function of every way to write a sample."""
+"""Message type and function of every encoding of a sample, by name."""

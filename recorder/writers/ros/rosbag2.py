@@ -31,14 +31,14 @@ from recorder.writers.ros.message_parts import Message
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 """Ways to store a bag."""
 METADATA = "carlaloc_sequence"
-"""Name of MCAP's metadata record that tells the conditions of a sequence."""
+"""Name of MCAP's metadata record with the conditions of a sequence."""
 _VERSION: Literal[9] = 9
 """Version of ``metadata.yaml``: ROS 2 Jazzy's, which Humble and Iron read too."""
 _FOREVER = QosTime(9223372036, 854775807)
 
 
 def _qos(*, latched: bool) -> Qos:
-    """Quality of service: reliable; what is latched goes to late subscribers too."""
+    """Quality of service: reliable; late subscribers get latched messages too."""
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=1 if latched else 10,

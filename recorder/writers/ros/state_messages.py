@@ -22,7 +22,7 @@ _CLASSES = {
 
 
 def imu(maker: MessageParts, header: Message, sample: Imu) -> Message:
-    """Specific force and body rate; the attitude where the sensor has one."""
+    """Specific force and body rate; the attitude where the sensor measures it."""
     covariance = np.eye(3).reshape(-1) * sample.orientation_noise_rad**2
     if sample.quat_xyzw is None:
         covariance = np.zeros(9)
@@ -79,7 +79,7 @@ def wheel_joints(maker: MessageParts, header: Message, sample: WheelTicks) -> Me
 
 
 def can_frame(frame: str) -> Callable[[MessageParts, Message, Any], Message]:
-    """Function that makes one kind of CAN frame."""
+    """Function that makes a kind of CAN frame."""
 
     def make(maker: MessageParts, header: Message, sample: CanState) -> Message:
         identifier, data = can_bus.encode(frame, sample)
@@ -102,7 +102,7 @@ def objects(maker: MessageParts, header: Message, sample: ObjectList) -> Message
     nothing = maker.vector(np.zeros(3))
     still = maker.new("geometry_msgs/Accel", linear=nothing, angular=nothing)
     no_polygon = maker.new("geometry_msgs/Polygon", points=[])
-    # ROS 2's primitive has a polygon of its own for prisms.
+    # ROS 2's primitive has another polygon, for prisms.
     extra = {"polygon": no_polygon} if "polygon" in maker.fields_of("shape_msgs/SolidPrimitive") else {}
     objects = [
         maker.new(

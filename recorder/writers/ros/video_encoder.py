@@ -1,4 +1,4 @@
-"""H.264 as `foxglove_msgs/CompressedVideo` wants it: one message, one picture that can be shown at once."""
+"""H.264 for `foxglove_msgs/CompressedVideo`: each message holds a picture that can be shown at once."""
 
 from __future__ import annotations
 
