@@ -9,7 +9,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.geometry.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.route import Route, cut_start, plan_route
+from carlaloc_env.town.routing.route import Route, plan_route
 
 ROUTE_LENGTH_M = 1000.0
 """Length sought."""
@@ -148,6 +148,6 @@ def _planned(network: LaneNetwork, lanes: list[int], length_m: float, *, whole: 
     points = [(float(x), float(y)) for x, y, _ in places]
     try:
         route = plan_route(network, points, for_car=True)
-        return cut_start(route, length_m) if route.length_m > length_m else route
+        return route.cut_start(length_m) if route.length_m > length_m else route
     except MapError:
         return None

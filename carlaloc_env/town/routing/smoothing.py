@@ -32,6 +32,15 @@ class RouteLine(NamedTuple):
     lane: Index
     station_m: Array
 
+    def taking(self, rows: Index | slice) -> RouteLine:
+        """Some of the points, in their new order."""
+        return self._make(values[rows] for values in self)
+
+
+def joined(parts: Sequence[RouteLine]) -> RouteLine:
+    """One line of several, in their order."""
+    return RouteLine._make(np.concatenate(values) for values in zip(*parts, strict=True))
+
 
 class _Swerve(NamedTuple):
     """A lane change that may run on over neighbouring sections of its road."""
@@ -56,15 +65,9 @@ def trace(network: LaneNetwork, spans: Sequence[LaneSpan]) -> RouteLine:
         _trace_swerve(network, part) if isinstance(part, _Swerve) else _trace_span(network, part)
         for part in _with_room(network, spans)
     ]
-    position = np.concatenate([part.position_m for part in parts])
-    keep = _spaced(position)
-    return RouteLine(
-        position[keep],
-        _believable(position[keep], np.concatenate([part.heading_rad for part in parts])[keep]),
-        np.concatenate([part.slope for part in parts])[keep],
-        np.concatenate([part.lane for part in parts])[keep],
-        np.concatenate([part.station_m for part in parts])[keep],
-    )
+    whole = joined(parts)
+    line = whole.taking(_spaced(whole.position_m))
+    return line._replace(heading_rad=_believable(line.position_m, line.heading_rad))
 
 
 def _believable(position_m: NDArray[np.float64], heading_rad: Array) -> Array:
@@ -110,9 +113,8 @@ def _after(network: LaneNetwork, swerve: _Swerve, span: LaneSpan) -> _Piece | No
         return None
     begin, end = _s_at(network, new, span.from_fraction), _s_at(network, new, span.to_fraction)
     reach = min(BLEND_M - swerve.room_m(), abs(end - begin))
-    return (
-        _Piece(beside[0], new, begin, begin + (reach if record.forward else -reach)) if reach > 0.0 else None
-    )
+    end = begin + (reach if record.forward else -reach)
+    return _Piece(beside[0], new, begin, end) if reach > 0.0 else None
 
 
 def _before(network: LaneNetwork, swerve: _Swerve, span: LaneSpan | _Swerve) -> _Piece | None:
@@ -218,21 +220,12 @@ def _blend(network: LaneNetwork, old: Index, new: Index, s: Array, tau: Array, l
     sign = np.where(network.forward[old], 1.0, -1.0)
     gap = b.position_m - a.position_m
     position = a.position_m + fraction[:, None] * gap
-    velocity = [
-        sign
-        * ((1.0 - fraction) * a.stretch * turn(a.heading_rad) + fraction * b.stretch * turn(b.heading_rad))
-        + rate * gap[:, k]
+    from_a, to_b = (1.0 - fraction) * a.stretch, fraction * b.stretch
+    x, y = (
+        sign * (from_a * turn(a.heading_rad) + to_b * turn(b.heading_rad)) + rate * gap[:, k]
         for k, turn in enumerate((elementary.cos, elementary.sin))
-    ]
-    speed = np.maximum(np.hypot(*velocity), 1e-9)
-    climb = (
-        sign * ((1.0 - fraction) * a.stretch * a.slope + fraction * b.stretch * b.slope) + rate * gap[:, 2]
     )
+    climb = sign * (from_a * a.slope + to_b * b.slope) + rate * gap[:, 2]
+    slope = climb / np.maximum(np.hypot(x, y), 1e-9)
     lane = np.where(fraction < 0.5, old, new)
-    return RouteLine(
-        position,
-        elementary.arctan2(velocity[1], velocity[0]),
-        climb / speed,
-        lane,
-        network.station_m(lane, s),
-    )
+    return RouteLine(position, elementary.arctan2(y, x), slope, lane, network.station_m(lane, s))

@@ -18,6 +18,7 @@ from carlaloc_env.core.ego_car import (
     EGO_WHEELBASE_M,
 )
 from carlaloc_env.town.ground.flush_sidewalks import lower_walks
+from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import town_areas
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -45,12 +46,8 @@ def _both_sides(x: Array, y_m: float) -> Array:
     return np.stack(np.broadcast_arrays(x[None], np.array([[y_m], [-y_m]])), axis=-1).reshape(-1, 2)
 
 
-WHEELS_M = _both_sides(
-    (
-        np.array([[0.0], [EGO_WHEELBASE_M]]) + np.array([-EGO_TYRE_ENVELOPE_M, 0.0, EGO_TYRE_ENVELOPE_M])
-    ).ravel(),
-    EGO_TYRE_OUTER_M,
-)
+_TYRE_M = np.array([-EGO_TYRE_ENVELOPE_M, 0.0, EGO_TYRE_ENVELOPE_M])
+WHEELS_M = _both_sides(np.concatenate([_TYRE_M, EGO_WHEELBASE_M + _TYRE_M]), EGO_TYRE_OUTER_M)
 """Where tyres touch, from the rear axle's middle [m], (W, 2)."""
 BODY_M = _both_sides(EGO_REAR_M + np.linspace(0.0, EGO_SIZE_M[0], 6), 0.5 * EGO_SIZE_M[1])
 """The body's sides [m], (B, 2)."""
@@ -134,7 +131,7 @@ def room_about(network: LaneNetwork, own: RouteLine) -> FreeSpace:
         return result
 
     raised, asphalt = (inside(area) for area in raised_near(network, own))
-    lanes = inside(shapely.union_all(_lanes_near(network, own, low, high), grid_size=1e-4))
+    lanes = inside(shapely.union_all(_lanes_near(network, own), grid_size=1e-4))
     return FreeSpace(low, _away(raised) - _away(~raised), _away(asphalt | lanes), _away(lanes))
 
 
@@ -148,12 +145,7 @@ def _away(here: NDArray[np.bool_]) -> Array:
 
 def raised_near(network: LaneNetwork, own: RouteLine) -> tuple[Area, Area]:
     """What stands raised near a piece of a route, as the town is built: sidewalks, islands; and asphalt."""
-    tables = network.tables
-    low, high = own.position_m[:, :2].min(axis=0) - _NEAR_M, own.position_m[:, :2].max(axis=0) + _NEAR_M
-    inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
-    level = np.abs(tables.position_m[:, 2] - float(own.position_m[:, 2].mean())) < _LEVEL_M
-    owner = np.searchsorted(tables.first, np.flatnonzero(inside & level), side="right") - 1
-    near = [network.lanes[n] for n in np.unique(owner).tolist()]
+    near = [network.lanes[n] for n in _lanes_about(network, own, _NEAR_M)]
     junctions = {lane.junction_id for lane in near} - {None}
     roads = network.xodr.roads
     ids = {lane.road_id for lane in near} | {road.id for road in roads if road.junction_id in junctions}
@@ -172,33 +164,36 @@ def _high_walks(strip: Strip) -> list[Area]:
             continue
         left, right = strip.lane_edges(lane)
         up = strip.raised_m[lane].max(axis=0) > _HIGH_M
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], up, [False]]).astype(np.int8)))
-        for a, b in edges.reshape(-1, 2).tolist():
-            if b - a > 1:
-                found.append(strip_polygon(left[a:b], right[a:b]))
+        found += [strip_polygon(left[a:b], right[a:b]) for a, b in runs(up) if b - a > 1]
     return found
 
 
-def _lanes_near(network: LaneNetwork, own: RouteLine, low: Array, high: Array) -> list[Area]:
+def _lanes_about(network: LaneNetwork, own: RouteLine, margin_m: float) -> list[int]:
+    """Lanes at the level of a piece of a route that come into the box about it, `margin_m` wider."""
+    tables = network.tables
+    low, high = own.position_m[:, :2].min(axis=0) - margin_m, own.position_m[:, :2].max(axis=0) + margin_m
+    inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
+    level = np.abs(tables.position_m[:, 2] - float(own.position_m[:, 2].mean())) < _LEVEL_M
+    owner = np.searchsorted(tables.first, np.flatnonzero(inside & level), side="right") - 1
+    lanes: list[int] = np.unique(owner).tolist()
+    return lanes
+
+
+def _lanes_near(network: LaneNetwork, own: RouteLine) -> list[Area]:
     """Lanes in junctions, the route's own lanes, and the verges beside these."""
     tables = network.tables
     mine = {int(n) for n in np.unique(own.lane)}
     roads = {network.lanes[n].road_id for n in mine}
-    inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
-    level = np.abs(tables.position_m[:, 2] - float(own.position_m[:, 2].mean())) < _LEVEL_M
-    rows = np.flatnonzero(inside & level)
-    owner = np.searchsorted(tables.first, rows, side="right") - 1
     found = []
-    for number in np.unique(owner).tolist():
+    for number in _lanes_about(network, own, _MARGIN_M):
         lane = network.lanes[number]
         crossing = lane.junction_id is not None and lane.type in DRIVABLE_TYPES
         if not (number in mine or crossing or (lane.type in _ROOM and lane.road_id in roads)):
             continue
         at = slice(int(tables.first[number]), int(tables.first[number] + tables.count[number]))
         half = 0.5 * tables.width_m[at][:, None]
-        left = np.stack(
-            [-elementary.sin(tables.heading_rad[at]), elementary.cos(tables.heading_rad[at])], axis=-1
-        )
+        heading = tables.heading_rad[at]
+        left = np.stack([-elementary.sin(heading), elementary.cos(heading)], axis=-1)
         middle = tables.position_m[at, :2]
         found.append(strip_polygon(middle + half * left, middle - half * left))
     return found

@@ -19,7 +19,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.off_tracking import inside_line
-from carlaloc_env.town.routing.smoothing import SAMPLE_M, RouteLine
+from carlaloc_env.town.routing.smoothing import SAMPLE_M, RouteLine, joined
 from carlaloc_env.town.routing.swept_path import cost_of, kerb_room, room_about
 
 TIGHT_M = 6.2
@@ -64,24 +64,12 @@ def fit_turns(network: LaneNetwork, line: RouteLine) -> tuple[RouteLine, NDArray
         piece = _fit(network, line, turn)
         if piece is None:
             continue
-        parts += [_rows(line, slice(done, turn.start)), piece]
+        parts += [line.taking(slice(done, turn.start)), piece]
         fitted += [np.zeros(turn.start - done, dtype=bool), np.ones(len(piece.lane), dtype=bool)]
         done = turn.end + 1
-    parts.append(_rows(line, slice(done, None)))
+    parts.append(line.taking(slice(done, None)))
     fitted.append(np.zeros(len(line.lane) - done, dtype=bool))
-    joined = RouteLine(
-        np.concatenate([part.position_m for part in parts]),
-        np.concatenate([part.heading_rad for part in parts]),
-        np.concatenate([part.slope for part in parts]),
-        np.concatenate([part.lane for part in parts]),
-        np.concatenate([part.station_m for part in parts]),
-    )
-    return joined, np.concatenate(fitted)
-
-
-def _rows(line: RouteLine, rows: slice) -> RouteLine:
-    p, h, slope, lane, station = line
-    return RouteLine(p[rows], h[rows], slope[rows], lane[rows], station[rows])
+    return joined(parts), np.concatenate(fitted)
 
 
 def _tight_turns(line: RouteLine) -> list[_Turn]:
@@ -119,7 +107,7 @@ def _along(xy_m: Array) -> Array:
 
 def _fit(network: LaneNetwork, line: RouteLine, turn: _Turn) -> RouteLine | None:
     """The best line through a turn, None where the driver's own way needs no better."""
-    own = _rows(line, slice(turn.start, turn.end + 1))
+    own = line.taking(slice(turn.start, turn.end + 1))
     xy, heading = own.position_m[:, :2], np.unwrap(own.heading_rad)
     s = _along(xy)
     room = room_about(network, own)
