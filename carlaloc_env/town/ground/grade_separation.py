@@ -15,7 +15,7 @@ from carlaloc_env.town.ground.grade_graph import Crossing, RoadGraph, grown, run
 from carlaloc_env.town.ground.grade_levels import Levels, State, States, strips_area
 from carlaloc_env.town.ground.height_fields import GroundGrid
 from carlaloc_env.town.ground.lane_strips import Strip
-from carlaloc_env.town.ground.terrain import BANK_SLOPE
+from carlaloc_env.town.ground.terrain import BANK_SLOPE, Zones
 from carlaloc_env.town.ground.water import Water, water_areas, water_level_m
 from carlaloc_env.town.meshing.polygons import Area, areas_only
 
@@ -38,9 +38,7 @@ SHORT_GAP_M = 9
 _BANK_ZONES = ("rural", "highway", "park")
 
 
-def find_levels(
-    strips: Sequence[Strip], low_m: Array, high_m: Array, zones: Sequence[tuple[str, Area]] = ()
-) -> Levels:
+def find_levels(strips: Sequence[Strip], low_m: Array, high_m: Array, zones: Zones) -> Levels:
     """What leaves the ground: from the places where roads cross far above each other, and from the waters.
 
     Args:
@@ -165,7 +163,7 @@ def _shrunk(waters: Sequence[Water], graph: RoadGraph, state: States) -> tuple[W
     return tuple(part for part in parts if not part.area.is_empty)
 
 
-def _carried(graph: RoadGraph, high: Mask, lift: Array, zones: Sequence[tuple[str, Area]]) -> States:
+def _carried(graph: RoadGraph, high: Mask, lift: Array, zones: Zones) -> States:
     """State of the raised rows: piers, walls or an embankment."""
     middle = graph.middle_m[high]
     gap = _gap_below(graph, high)

@@ -79,9 +79,8 @@ def _add_junctions(out: Surfaces, work: Groundwork, seed: int) -> None:
 
 
 def _add_waters(out: Surfaces, work: Groundwork) -> None:
-    promenades = shapely.union_all([area for kind, area in work.zones if kind == "waterfront"])
     beside = shapely.buffer(work.areas.paved, PROMENADE_M)
-    lined = shapely.difference(shapely.buffer(promenades, 1.5), beside)
+    lined = shapely.difference(shapely.buffer(work.zones.area("waterfront"), 1.5), beside)
     above = shapely.buffer(work.overhead, 0.8)
     add_water(out.raised, work.levels.waters, work.shore, work.ground, above, lined)
 

@@ -14,9 +14,9 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.height_fields import right_of
 from carlaloc_env.town.ground.lane_strips import Strip
-from carlaloc_env.town.ground.road_edges import RoadEdge, right_of, road_limit_mps
-from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.ground.road_edges import Waysides, road_limit_mps
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.opendrive.records import Road
@@ -48,23 +48,21 @@ NARROWEST_MEDIAN_M, WIDEST_BARRIER_M = 0.7, 7.0
 _STEEL = (178, 182, 186)
 
 
-def add_guard_rails(
-    out: MeshBuilder, solid: MeshBuilder, edges: Sequence[RoadEdge], paved: Area, ground: Terrain
-) -> Area:
+def add_guard_rails(out: MeshBuilder, solid: MeshBuilder, ways: Waysides, paved: Area) -> Area:
     """Rails along the outer edges of fast and raised roads; returns the ground that they take.
 
     Args:
         out: What is seen.
         solid: What is hit.
-        edges: Edges of all roads.
+        ways: The ground beside the roads.
         paved: Everything paved, on which no rail stands.
-        ground: Heights of the ground.
     """
     lines = []
     shapely.prepare(paved)
-    for edge in edges:
+    for edge in ways.edges:
         wanted = (edge.state == State.BANK) & (edge.lift_m > HIGH_M)
-        if edge.limit_mps >= FAST_MPS or edge.road_type == "motorway":
+        fast = edge.limit_mps >= FAST_MPS or edge.road_type == "motorway"
+        if fast:
             wanted |= np.isin(edge.state, (State.GROUND, State.BANK))
         if edge.sidewalk or not wanted.any():
             continue
@@ -73,9 +71,8 @@ def add_guard_rails(
         for a, b in runs(wanted & clear):
             if b - a >= SHORTEST_M:
                 xy = foot[a:b]
-                z = np.maximum(ground.height(xy), edge.line_m[a:b, 2] - 0.1)
+                z = np.maximum(ways.ground.height(xy), edge.line_m[a:b, 2] - 0.1)
                 lines.append(xy)
-                fast = edge.limit_mps >= FAST_MPS or edge.road_type == "motorway"
                 _rail(out, solid, np.column_stack([xy, z]), edge.right[a:b], fast=fast)
     parts = [shapely.buffer(shapely.LineString(line), 0.5) for line in lines]
     return shapely.union_all(parts) if parts else shapely.MultiPolygon()

@@ -114,8 +114,9 @@ def long_grass(land: Land, props: PropField) -> None:
     if not spots:
         return
     xy = np.concatenate(spots)
-    zone = land.zone_of(xy)
-    xy = xy[np.isin(zone, ("rural", "highway", "park")) & (land.taken.distance_m(xy) > 0.1)]
+    xy = xy[
+        np.isin(land.zones.kinds_at(xy), ("rural", "highway", "park")) & (land.taken.distance_m(xy) > 0.1)
+    ]
     sort, yaw = draw.integers(0, 6, len(xy)), draw.uniform(0, 2 * np.pi, len(xy))
     scale = draw.uniform(0.6, 1.3, len(xy))
     for k in range(6):

@@ -59,7 +59,7 @@ def line_highways(raised: MeshBuilder, solid: MeshBuilder, props: PropField, lan
         if len(line) < 20:
             continue
         even = densify(line, 1.0)
-        inside = land.zone_of(even[:, :2]) == "highway"
+        inside = land.zones.kinds_at(even[:, :2]) == "highway"
         if inside.mean() < 0.5:
             continue
         draw = rng.stream(land.seed, f"wayside/{name}")
