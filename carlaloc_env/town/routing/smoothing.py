@@ -34,7 +34,7 @@ class RouteLine(NamedTuple):
 
     def taking(self, rows: Index | slice) -> RouteLine:
         """Some of the points, in their new order."""
-        return self._make(values[rows] for values in self)
+        return RouteLine._make(values[rows] for values in self)
 
 
 def joined(parts: Sequence[RouteLine]) -> RouteLine:
