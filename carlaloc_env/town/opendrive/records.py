@@ -21,13 +21,21 @@ Severity = Literal["error", "warning"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Note:
-    """Something odd but usable that was met while reading."""
+    """One fault of a map, or something odd in it."""
 
     severity: Severity
+    """How bad it is."""
     element: str
+    """XML element, e.g. ``lane``."""
     id: str
+    """Its id, with the road it belongs to."""
     line: int
+    """Line in the file."""
     message: str
+
+    def __str__(self) -> str:
+        """One line: place, then message."""
+        return f"{self.severity}: line {self.line}: <{self.element}> {self.id}: {self.message}"
 
 
 @dataclass(frozen=True, slots=True)
