@@ -19,6 +19,7 @@ from carlaloc_env.core.ego_car import (
 )
 from carlaloc_env.town.ground.flush_sidewalks import lower_walks
 from carlaloc_env.town.ground.grade_graph import runs
+from carlaloc_env.town.ground.height_fields import distance_along
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import town_areas
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -91,8 +92,7 @@ def kerb_room(xy_m: Array, heading_rad: Array, room: FreeSpace) -> tuple[Array, 
 
 def cost_of(xy_m: Array, heading_rad: Array, room: FreeSpace) -> float:
     """How ill a line suits the car: kerbs, ground beside the road, others' lanes, and bends too tight [m]."""
-    step = np.diff(xy_m, axis=0)
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
+    s = distance_along(xy_m)
     bend = (np.interp(s + 1.0, s, heading_rad) - np.interp(s - 1.0, s, heading_rad)) / 2.0
     change = np.abs(np.interp(s + 1.0, s, bend) - np.interp(s - 1.0, s, bend)) / 2.0
     sharp = float(np.abs(bend).max())

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.town.ground.height_fields import distance_along, interpolated
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.off_tracking import inside_line
 from carlaloc_env.town.routing.smoothing import SAMPLE_M, RouteLine, joined
@@ -74,7 +75,7 @@ def fit_turns(network: LaneNetwork, line: RouteLine) -> tuple[RouteLine, NDArray
 
 def _tight_turns(line: RouteLine) -> list[_Turn]:
     """Turns that may be too tight, none of them reaching into its neighbours."""
-    s = _along(line.position_m[:, :2])
+    s = distance_along(line.position_m)
     heading = np.unwrap(line.heading_rad)
     sharp = (_bend(s, heading, WINDOW_M) > 1.0 / TIGHT_M) | (_bend(s, heading, 0.5 * WINDOW_M) > 1.0 / KINK_M)
     tight = np.flatnonzero(sharp)
@@ -100,16 +101,11 @@ def _bend(s: Array, heading: Array, window_m: float) -> Array:
     return result
 
 
-def _along(xy_m: Array) -> Array:
-    step = np.diff(xy_m, axis=0)
-    return np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
-
-
 def _fit(network: LaneNetwork, line: RouteLine, turn: _Turn) -> RouteLine | None:
     """The best line through a turn, None where the driver's own way needs no better."""
     own = line.taking(slice(turn.start, turn.end + 1))
     xy, heading = own.position_m[:, :2], np.unwrap(own.heading_rad)
-    s = _along(xy)
+    s = distance_along(xy)
     room = room_about(network, own)
     _, used_m, used_rad = inside_line(s, xy, heading)
     steep = _bend(s, heading, WINDOW_M).max() > 1.0 / STEEP_M
@@ -191,7 +187,7 @@ def _beside(
     share = share if rising else 1.0 - share
     off = lateral_m * share * share * share * (10.0 - share * (15.0 - 6.0 * share))
     h = np.interp(at, s, heading)
-    points = np.stack([np.interp(at, s, xy[:, k]) for k in range(2)], axis=-1)
+    points = interpolated(at, s, xy)
     points += off[:, None] * np.stack([-elementary.sin(h), elementary.cos(h)], axis=-1)
     return points, float(h[-1] if rising else h[0])
 
