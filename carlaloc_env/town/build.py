@@ -25,7 +25,7 @@ from carlaloc_env.town.town_scenery import TownOutline, TownScenery
 
 _log = logging.getLogger(__name__)
 _PLACE = ("geoReference", "offset", "header")
-"""Elements that tell where a map lies."""
+"""Elements that place a map on the Earth."""
 _WHOLE = ("OpenDRIVE", *_PLACE)
 """Elements that concern a whole map."""
 KEPT_FILES = 10

@@ -1,4 +1,4 @@
-"""The roads of a town: what `road_building` works out of a map, and the cache gives back without it."""
+"""The roads of a town, as `road_building` makes them of a map and as the cache returns them."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class TownRoads:
         """
         level, line = _below(arrays, "levels/"), _below(arrays, "route/")
         levels, route = None, None
-        # Copies: compiled functions take arrays of a file, which nobody can write to, for another type.
+        # Copies: compiled functions take arrays of a file, which are read-only, for another type.
         if level:
             levels = LevelGrid(tuple(level["low_m"].tolist()), float(level["cell_m"]), level["level"].copy())
         if line:

@@ -1,4 +1,4 @@
-"""The standing part of a town: what `scenery` builds, and what the cache gives back without it."""
+"""The standing part of a town, as `scenery` builds it and as the cache returns it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TownOutline:
     lenses: SignalLenses
     """Lenses of the traffic lights."""
     road_events: Array
-    """What wheels feel beside the meshes, columns of `road.road_events`, shape (N, 7)."""
+    """Events that wheels feel beside the meshes, columns of `road.road_events`, shape (N, 7)."""
     lamps_m: Array
     """Light sources of the street lamps [m], shape (K, 3)."""
 

@@ -1,4 +1,4 @@
-"""What one building chose from its style, and faces in its materials."""
+"""The look of one building, chosen from its style, and faces in its materials."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Appearance:
-    """What one building chose from its style."""
+    """The look of one building, chosen from its style."""
 
     style: Style
     """The style."""

@@ -35,7 +35,7 @@ class Lot:
     """A building and its place."""
 
     plan: BuildingPlan
-    """What stands there."""
+    """The building."""
     corner_m: Array
     """Left end of the front, seen from the street, world x and y [m], shape (2,)."""
     heading_rad: float
@@ -96,8 +96,8 @@ class _Footprints:
     def near(self, area: Area) -> bool:
         """Whether an area, 1 cm smaller, meets one of them."""
         x0, y0, x1, y1 = area.bounds
-        own = self._boxes[: len(self._areas)]
-        rows = np.flatnonzero((own[:, 0] <= x1) & (own[:, 2] >= x0) & (own[:, 1] <= y1) & (own[:, 3] >= y0))
+        box = self._boxes[: len(self._areas)]
+        rows = np.flatnonzero((box[:, 0] <= x1) & (box[:, 2] >= x0) & (box[:, 1] <= y1) & (box[:, 3] >= y0))
         if not len(rows):
             return False
         found = np.array([self._areas[row] for row in rows])

@@ -1,4 +1,4 @@
-"""What stands out of facades: shutters, oriels, timber, quoins, fire stairs, porches and more."""
+"""Parts that stand out of facades: shutters, oriels, timber, quoins, fire stairs, porches and more."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def crossed(a0: Array, a1: Array, z0: Array, z1: Array) -> tuple[Array, Array, A
 
 
 def window_ornaments(shell: Shell, wall: Wall, w: Openings, pick: NDArray[np.int64]) -> None:
-    """What belongs to single windows: shutters, coolers, spandrel panels.
+    """Ornaments of single windows: shutters, coolers, spandrel panels.
 
     Args:
         shell: Takes the faces.
@@ -67,7 +67,7 @@ def wall_ornaments(
     width: float,
     front: bool,
 ) -> None:
-    """What belongs to a whole wall.
+    """Ornaments of a whole wall.
 
     Args:
         shell: Takes the faces.

@@ -17,7 +17,7 @@ from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR, street_storey
 from carlaloc_env.town.buildings.walls import Wall
 
 FULL_DETAIL_M = 24.0
-"""Above this height windows lose sills and reveals: from the street nobody sees them [m]."""
+"""Above this height windows have no sills and reveals, which cannot be seen from the street [m]."""
 
 
 def facade(

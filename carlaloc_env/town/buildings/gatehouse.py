@@ -90,10 +90,10 @@ def _measures(feature: Feature, paved: Area, floor: HeightOf) -> _Measures:
     reach = []
     shapely.prepare(paved)
     for sign in (-1.0, 1.0):
-        way = np.arange(2.0, 0.5 * width - LEAST_WING_M, 0.25)
-        points = along[:, None] + sign * way[:, None] * across
+        away_m = np.arange(2.0, 0.5 * width - LEAST_WING_M, 0.25)
+        points = along[:, None] + sign * away_m[:, None] * across
         taken = shapely.dwithin(paved, shapely.points(points), WING_CLEARANCE_M).any(axis=0)
-        reach.append(float(way[np.flatnonzero(taken)[-1]]) + 0.25 if taken.any() else 2.0)
+        reach.append(float(away_m[np.flatnonzero(taken)[-1]]) + 0.25 if taken.any() else 2.0)
     return _Measures(
         width_m=width,
         depth_m=depth,

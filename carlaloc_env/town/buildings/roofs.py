@@ -157,10 +157,10 @@ def _sawtooth(shell: Shell, part: Part, z: float) -> None:
     step = width / teeth
     a = x + step * np.arange(teeth)
     high = z + 0.36 * step
-    y0, y1, one = y, y + depth, np.ones(teeth)
+    y0, y1, ones = y, y + depth, np.ones(teeth)
 
     def quad(points: list[tuple[NDArray[Any], float, float]]) -> Array:
-        return np.stack([np.column_stack([p, q * one, r * one]) for p, q, r in points], axis=1)
+        return np.stack([np.column_stack([p, q * ones, r * ones]) for p, q, r in points], axis=1)
 
     panes = quad([(a, y1, z + 0.4), (a, y0, z + 0.4), (a, y0, high - 0.15), (a, y1, high - 0.15)])
     shell.faces(panes, Material.CURTAIN_WALL, (225, 235, 240))

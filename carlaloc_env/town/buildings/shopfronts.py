@@ -44,8 +44,11 @@ def street_storey(
     pane = wall.front(a0[others], a1[others], riser, head, -recess)
     pick = rng.integers(0, 1 << 16, int(others.sum()))
     if shop:
-        for material, own in ((Material.SHOP_FRONT, pick % 2 == 0), (Material.SHOP_FRONT_B, pick % 2 == 1)):
-            shell.pictures(pane[own], material, pick[own] // 2)
+        for material, rows in (
+            (Material.SHOP_FRONT, pick % 2 == 0),
+            (Material.SHOP_FRONT_B, pick % 2 == 1),
+        ):
+            shell.pictures(pane[rows], material, pick[rows] // 2)
     else:
         shell.faces(pane, Material.CURTAIN_WALL)
     _door_bay(shell, wall, float(a0[door]), float(a1[door]), z0, head, recess, rng)

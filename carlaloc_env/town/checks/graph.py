@@ -24,7 +24,7 @@ LINK_BOUNDS = (
     ("slope", "", 0.01, np.inf),
     ("curvature", "1/m", 0.01, np.inf),
 )
-"""What is compared where one lane follows another: name, unit, bound of a warning, of an error, which
+"""Values compared where one lane follows another: name, unit, bound of a warning, of an error, which
 no car drives over."""
 
 

@@ -32,7 +32,7 @@ from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
 
 CSV_SUFFIXES = (".csv",)
-"""What tables may be called."""
+"""Suffixes of tables."""
 _NUMBER = re.compile(r"[-+]?\d[\w.+-]*")
 """Numbers and ids in messages."""
 

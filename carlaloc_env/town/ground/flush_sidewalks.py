@@ -1,6 +1,6 @@
 """Sidewalks and medians that the lanes of another road run across lie flush with them there.
 
-Maps that nobody drew by hand let roads run into each other, and kerbs must not stand in their lanes.
+Generated maps let roads run into each other, and kerbs must not stand in their lanes.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ def _driven(strip: Strip) -> list[Area]:
 
 
 def _crossing(strips: Sequence[Strip], strip: Strip, walk: int, near: Sequence[tuple[int, Area]]) -> Area:
-    """What driving lanes at the same level take of a sidewalk; None for nothing."""
-    own = strip_polygon(*strip.lane_edges(walk))
+    """Part of a sidewalk that driving lanes at the same level cross; None for nothing."""
+    walk_area = strip_polygon(*strip.lane_edges(walk))
     taken = []
     for other, lane in near:
-        part = shapely.intersection(own, lane)
+        part = shapely.intersection(walk_area, lane)
         if part.area > _LEAST_M2 and _level_with(strip, strips[other], part):
             taken.append(part)
     return shapely.union_all(taken) if taken else None

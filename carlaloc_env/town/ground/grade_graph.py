@@ -75,12 +75,12 @@ class RoadGraph:
 
     def component(self, mask: Mask, row: int) -> Mask:
         """Rows that can be reached from one row over rows that hold `mask`, (M,)."""
-        own = np.flatnonzero(mask)
-        _, label = connected_components(self._links[own][:, own], directed=False)
+        members = np.flatnonzero(mask)
+        _, label = connected_components(self._links[members][:, members], directed=False)
         result = np.zeros(len(mask), dtype=bool)
-        place = np.searchsorted(own, row)
-        if place < len(own) and own[place] == row:
-            result[own[label == label[place]]] = True
+        place = np.searchsorted(members, row)
+        if place < len(members) and members[place] == row:
+            result[members[label == label[place]]] = True
         return result
 
     def leads_out(self, mask: Mask) -> bool:

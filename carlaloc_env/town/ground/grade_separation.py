@@ -39,7 +39,7 @@ _BANK_ZONES = ("rural", "highway", "park")
 
 
 def find_levels(strips: Sequence[Strip], low_m: Array, high_m: Array, zones: Zones) -> Levels:
-    """What leaves the ground: from the places where roads cross far above each other, and from the waters.
+    """Roads that leave the ground: where they cross far above each other, and over waters.
 
     Args:
         strips: All roads.
@@ -116,15 +116,15 @@ def _followed(graph: RoadGraph, region: Mask, height: Array) -> Mask:
     wide = region.copy()
     front = [(int(row), 0.0) for row in np.flatnonzero(region)]
     while front:
-        row, gone = front.pop()
+        row, way_m = front.pop()
         for other in graph.neighbours(row):
             if wide[other] or graph.junction[other]:
                 continue
             gap = float(np.hypot(*(graph.middle_m[other] - graph.middle_m[row])[:2]))
             falls = height[row] - height[other] > LEVEL_GRADE * gap
-            if (falls or gap < 0.01) and gone + gap < FOLLOW_M:
+            if (falls or gap < 0.01) and way_m + gap < FOLLOW_M:
                 wide[other] = True
-                front.append((int(other), gone + gap))
+                front.append((int(other), way_m + gap))
     return wide
 
 
@@ -198,12 +198,12 @@ def _gap_below(graph: RoadGraph, high: Mask) -> Array:
 def _settle(graph: RoadGraph, state: States, lift: Array, strips: Sequence[Strip]) -> None:
     """Close short gaps between open stretches, and give each junction one state."""
     for a, b in zip(graph.first[:-1], graph.first[1:], strict=True):
-        own = state[a:b]
-        filled = own == State.FILLED
+        states = state[a:b]
+        filled = states == State.FILLED
         for i, j in runs(filled):
-            inner = i > 0 and j < len(own) and own[i - 1] == State.OPEN and own[j] == State.OPEN
+            inner = i > 0 and j < len(states) and states[i - 1] == State.OPEN and states[j] == State.OPEN
             if inner and j - i < SHORT_GAP_M:
-                own[i:j] = State.OPEN
+                states[i:j] = State.OPEN
     groups: dict[str, list[int]] = {}
     for number, strip in enumerate(strips):
         if strip.junction_id is not None:

@@ -1,4 +1,4 @@
-"""What a town stands on: its roads as strips and areas, their levels, the ground and the waters."""
+"""The groundwork of a town: its roads as strips and areas, their levels, the ground and the waters."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class Groundwork:
     zones: Zones
     """Kinds of scenery with their areas."""
     levels: Levels
-    """What leaves the ground."""
+    """Roads that leave the ground."""
     areas: TownAreas
-    """What is paved."""
+    """Everything paved."""
     carried: dict[str, State]
     """Junctions that stand above the ground, with their state."""
     kerb: EdgeField

@@ -75,8 +75,8 @@ class Terrain:
         result: Array = near + (self.grid.height(xy_m) - near) * share
         if self.bank is None:
             return result
-        top, gone = self.bank.nearest(xy_m)
-        return np.maximum(result, top - np.maximum(gone - BANK_SHOULDER_M, 0.0) / BANK_SLOPE)
+        top, distance_to_bank = self.bank.nearest(xy_m)
+        return np.maximum(result, top - np.maximum(distance_to_bank - BANK_SHOULDER_M, 0.0) / BANK_SLOPE)
 
 
 class Zones(tuple[tuple[str, Area], ...]):

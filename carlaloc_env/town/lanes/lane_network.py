@@ -35,7 +35,7 @@ class LaneNetwork:
         """Takes what is known of the lanes.
 
         Args:
-            read: Reads the map; called when something is first asked that the lanes do not tell.
+            read: Reads the map; called at the first question that the lanes cannot answer.
             lanes: The lanes.
         """
         self._read = read

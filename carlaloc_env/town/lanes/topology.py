@@ -165,8 +165,8 @@ class LaneLinks:
         """Centres (M, 3) and widths (M,) of lanes at one end [m]."""
         sections = [self._edges.sections[n] for n in lanes]
         s = np.array([section.s_m if end == "start" else section.end_m for section in sections])
-        own = np.array(lanes)
-        return self._surface.lane_centre(own, s).position_m, self._edges.width(own, s)
+        numbers = np.array(lanes)
+        return self._surface.lane_centre(numbers, s).position_m, self._edges.width(numbers, s)
 
     def _touching(self, road: int, lane_id: int, junction_id: str) -> Iterator[tuple[End, int]]:
         """The lane at those ends of a road that lie at the junction."""
@@ -223,8 +223,8 @@ class LaneLinks:
         roads = self._xodr.roads
         for road, section, lane_id in lanes:
             sections = roads[road].sections if section < 0 else (roads[road].sections[section],)
-            own = [lane for s in sections if (lane := s.lane(lane_id)) is not None]
-            if own and not any(lane.type in DRIVABLE_TYPES for lane in own):
+            records = [lane for s in sections if (lane := s.lane(lane_id)) is not None]
+            if records and not any(lane.type in DRIVABLE_TYPES for lane in records):
                 return False
         return True
 

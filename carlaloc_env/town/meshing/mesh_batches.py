@@ -72,10 +72,10 @@ class _Parts:
     def take(self, groups: int) -> Mesh:
         """The next groups as a mesh of their own."""
         first, self._next = self._next, self._next + groups
-        own = slice(self._vertex[first], self._vertex[self._next])
+        vertices = slice(self._vertex[first], self._vertex[self._next])
         rows = slice(self._triangle[first], self._triangle[self._next])
-        part = {name: getattr(self._mesh, name)[own] for name in VERTEX_FIELDS}
-        return Mesh(triangles=self._mesh.triangles[rows] - np.uint32(own.start), **part)
+        part = {name: getattr(self._mesh, name)[vertices] for name in VERTEX_FIELDS}
+        return Mesh(triangles=self._mesh.triangles[rows] - np.uint32(vertices.start), **part)
 
 
 def _quad_parts(groups: Sequence[Quads]) -> _Parts:
@@ -90,12 +90,12 @@ def _quad_parts(groups: Sequence[Quads]) -> _Parts:
     material, tag = np.empty(count, np.uint8), np.empty(count, np.uint8)
     end = 0
     for group in groups:
-        own = slice(end, end := end + len(group.corners_m))
+        part = slice(end, end := end + len(group.corners_m))
         if group.uv_m is not None:
-            uv[own] = group.uv_m
+            uv[part] = group.uv_m
         tint = np.asarray(group.colour)
-        colour[own] = tint[:, None] if tint.ndim == 2 else tint
-        material[own], tag[own] = group.material, group.tag
+        colour[part] = tint[:, None] if tint.ndim == 2 else tint
+        material[part], tag[part] = group.material, group.tag
     base = np.arange(count, dtype=np.uint32)[:, None] * 4
     mesh = _mesh(
         corners.reshape(-1, 3),
@@ -125,10 +125,10 @@ def _triangle_parts(groups: Sequence[Triangles]) -> _Parts:
     uv, colour = v[:, :2].copy(), np.empty((count, 3))
     material, tag = np.empty(count, np.uint8), np.empty(count, np.uint8)
     for group, start in zip(groups, first, strict=True):
-        own = slice(start, start + len(group.corners_m))
+        part = slice(start, start + len(group.corners_m))
         if group.uv_m is not None:
-            uv[own] = group.uv_m
-        colour[own], material[own], tag[own] = group.colour, group.material, group.tag
+            uv[part] = group.uv_m
+        colour[part], material[part], tag[part] = group.colour, group.material, group.tag
     # Groups of slivers alone are left out, corners included.
     kept = np.repeat(triangles > 0, size)
     t = (np.cumsum(kept, dtype=np.uint32) - np.uint32(1))[t]

@@ -1,4 +1,4 @@
-"""What an OpenDRIVE file says, as frozen records (ASAM OpenDRIVE 1.4 to 1.7).
+"""The contents of an OpenDRIVE file as frozen records (ASAM OpenDRIVE 1.4 to 1.7).
 
 Lengths are metres, angles radians, speeds m/s. ``line`` is the line of the element in its file.
 """
@@ -126,7 +126,7 @@ class LaneHeight:
 
 @dataclass(frozen=True, slots=True)
 class LaneMaterial:
-    """What a lane is made of, from a station on."""
+    """Material of a lane, from a station on."""
 
     s_m: float
     surface: str
@@ -166,7 +166,7 @@ class LaneSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadLink:
-    """What a road's start or end is joined to."""
+    """The neighbour at a road's start or end."""
 
     element_type: Literal["road", "junction"]
     element_id: str

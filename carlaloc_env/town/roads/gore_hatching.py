@@ -68,8 +68,8 @@ def _wedge(one: Strip, other: Strip) -> tuple[Area, Array | None]:
         if span is None:
             continue
         area = strip_polygon(beside.edges_m[span[0]], beside.edges_m[span[1]])
-        for lane, own in enumerate(strip.lanes):
-            if own.type != "shoulder":
+        for lane, record in enumerate(strip.lanes):
+            if record.type != "shoulder":
                 continue
             left, right = strip.lane_edges(lane)
             shoulder = strip_polygon(left, right)

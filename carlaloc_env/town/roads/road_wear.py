@@ -87,7 +87,7 @@ class _Bands:
         self._strip = strip
         self._draw = rng.stream(seed, f"felt/{strip.road_id}/{strip.section}")
         self.events: list[Array] = []
-        """What wheels feel of them, (1, 7) each."""
+        """Their events for the wheels, (1, 7) each."""
         self._found: list[tuple[int, Array, Array, Callable[[MeshBuilder, Array], None]]] = []
 
     def add(self, edge: int, s: Array, offset_m: Array, lay: Callable[[MeshBuilder, Array], None]) -> None:

@@ -1,4 +1,4 @@
-"""A route for a town whose owner has given none: along lanes, by the roads least driven so far."""
+"""The default route of a town: along lanes, by the roads least driven so far."""
 
 from __future__ import annotations
 
@@ -93,8 +93,8 @@ def _turns_on_the_spot(network: LaneNetwork) -> NDArray[np.bool_]:
     turned = np.add.reduceat(step, first)
     for lane in network.lanes:
         n = lane.index
-        for others, own, theirs in ((lane.predecessors, first, last), (lane.successors, last, first)):
-            kinks = [abs(float(wrap_angle(heading[own[n]] - heading[theirs[k]]))) for k in others]
+        for others, ours, theirs in ((lane.predecessors, first, last), (lane.successors, last, first)):
+            kinks = [abs(float(wrap_angle(heading[ours[n]] - heading[theirs[k]]))) for k in others]
             turned[n] += min(kinks, default=0.0)
     result: NDArray[np.bool_] = (turned > _BACK_RAD) & (tables.length_m < _LEAST_RADIUS_M * np.pi)
     return result
@@ -102,15 +102,15 @@ def _turns_on_the_spot(network: LaneNetwork) -> NDArray[np.bool_]:
 
 def _ways_to_come(network: LaneNetwork, usable: NDArray[np.bool_]) -> Array:
     """Longest way that one can drive from the beginning of each lane of a map without rings [m], (N,)."""
-    way_m = np.zeros(len(usable))
+    longest_m = np.zeros(len(usable))
     waiting = [n for n in range(len(usable)) if usable[n]]
     while waiting:
         lane = network.lanes[waiting.pop()]
-        after = max((float(way_m[n]) for n in lane.successors if usable[n]), default=0.0)
-        if lane.length_m + after > way_m[lane.index] + 1e-6:
-            way_m[lane.index] = lane.length_m + after
+        after = max((float(longest_m[n]) for n in lane.successors if usable[n]), default=0.0)
+        if lane.length_m + after > longest_m[lane.index] + 1e-6:
+            longest_m[lane.index] = lane.length_m + after
             waiting += [n for n in lane.predecessors if usable[n]]
-    return way_m
+    return longest_m
 
 
 def _walk(

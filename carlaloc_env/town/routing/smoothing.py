@@ -75,8 +75,8 @@ def _believable(position_m: NDArray[np.float64], heading_rad: Array) -> Array:
     if len(position_m) < 3:
         return heading_rad
     step = np.gradient(position_m[:, :2], axis=0)
-    gone = elementary.arctan2(step[:, 1], step[:, 0])
-    result: Array = np.where(np.abs(wrap_angle(gone - heading_rad)) < _ASTRAY_RAD, heading_rad, gone)
+    course = elementary.arctan2(step[:, 1], step[:, 0])
+    result: Array = np.where(np.abs(wrap_angle(course - heading_rad)) < _ASTRAY_RAD, heading_rad, course)
     return result
 
 
@@ -138,7 +138,7 @@ def _alike(network: LaneNetwork, a: int, b: int) -> bool:
 
 
 def _rest(network: LaneNetwork, span: LaneSpan, piece: _Piece, *, after: bool) -> list[LaneSpan]:
-    """What a swerve leaves of the span that it grew into."""
+    """The rest of a span that a swerve grew into."""
     lane = span.lanes[0]
     cut = network.station_at(lane, piece.to_s_m if after else piece.from_s_m)
     fraction = cut / max(network.lanes[lane].length_m, 1e-9)
@@ -190,18 +190,18 @@ def _trace_span(network: LaneNetwork, span: LaneSpan) -> RouteLine:
 def _trace_swerve(network: LaneNetwork, swerve: _Swerve) -> RouteLine:
     """One lane change over all of its pieces, in the middle of its way."""
     room = max(swerve.room_m(), 1e-6)
-    old, new, s, gone = [], [], [], []
+    old, new, s, driven_m = [], [], [], []
     done = 0.0
     for piece in swerve.pieces:
-        own = abs(piece.to_s_m - piece.from_s_m)
-        count = max(2, int(np.ceil(own / SAMPLE_M)) + 1)
+        length_of_piece = abs(piece.to_s_m - piece.from_s_m)
+        count = max(2, int(np.ceil(length_of_piece / SAMPLE_M)) + 1)
         s.append(np.linspace(piece.from_s_m, piece.to_s_m, count))
-        gone.append(np.linspace(done, done + own, count))
+        driven_m.append(np.linspace(done, done + length_of_piece, count))
         old.append(np.full(count, piece.old))
         new.append(np.full(count, piece.new))
-        done += own
+        done += length_of_piece
     length = min(BLEND_M, room)
-    tau = np.clip((np.concatenate(gone) - 0.5 * (room - length)) / length, 0.0, 1.0)
+    tau = np.clip((np.concatenate(driven_m) - 0.5 * (room - length)) / length, 0.0, 1.0)
     return _blend(network, np.concatenate(old), np.concatenate(new), np.concatenate(s), tau, length)
 
 

@@ -37,9 +37,9 @@ _NEAR_M = 60.0
 """As far as the roads reach round an island [m]."""
 _LEVEL_M = 2.0
 _HIGH_M = 0.05
-"""What stands higher above the road is a kerb [m]."""
+"""Edges that stand higher above the road are kerbs [m]."""
 _TOO_TIGHT, _TOO_SUDDEN, _SUDDEN = 20.0, 1.0, 0.15
-"""What a curvature above the greatest costs [m per 1/m], and one that changes faster than 0.15 /m a metre."""
+"""Cost of a curvature above the greatest [m per 1/m], and of one that changes faster than 0.15 /m a metre."""
 _ROOM = frozenset({"shoulder", "stop", "border", "parking", "biking", "bus", "restricted"})
 
 
@@ -117,10 +117,10 @@ def cost_of(xy_m: Array, heading_rad: Array, room: FreeSpace) -> float:
     )
 
 
-def room_about(network: LaneNetwork, own: RouteLine) -> FreeSpace:
+def room_about(network: LaneNetwork, piece: RouteLine) -> FreeSpace:
     """Room about a piece of a route."""
-    low = own.position_m[:, :2].min(axis=0) - _MARGIN_M
-    high = own.position_m[:, :2].max(axis=0) + _MARGIN_M
+    low = piece.position_m[:, :2].min(axis=0) - _MARGIN_M
+    high = piece.position_m[:, :2].max(axis=0) + _MARGIN_M
     count = np.ceil((high - low) / _CELL_M).astype(int) + 1
     x, y = (low[k] + (np.arange(count[k]) + 0.5) * _CELL_M for k in range(2))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -130,8 +130,8 @@ def room_about(network: LaneNetwork, own: RouteLine) -> FreeSpace:
         result: NDArray[np.bool_] = shapely.contains_xy(area, grid[:, 0], grid[:, 1]).reshape(count)
         return result
 
-    raised, asphalt = (inside(area) for area in raised_near(network, own))
-    lanes = inside(shapely.union_all(_lanes_near(network, own), grid_size=1e-4))
+    raised, asphalt = (inside(area) for area in raised_near(network, piece))
+    lanes = inside(shapely.union_all(_lanes_near(network, piece), grid_size=1e-4))
     return FreeSpace(low, _away(raised) - _away(~raised), _away(asphalt | lanes), _away(lanes))
 
 
@@ -143,9 +143,9 @@ def _away(here: NDArray[np.bool_]) -> Array:
     return result
 
 
-def raised_near(network: LaneNetwork, own: RouteLine) -> tuple[Area, Area]:
-    """What stands raised near a piece of a route, as the town is built: sidewalks, islands; and asphalt."""
-    near = [network.lanes[n] for n in _lanes_about(network, own, _NEAR_M)]
+def raised_near(network: LaneNetwork, piece: RouteLine) -> tuple[Area, Area]:
+    """Raised areas near a piece of a route (sidewalks and islands, as the town is built), and asphalt."""
+    near = [network.lanes[n] for n in _lanes_about(network, piece, _NEAR_M)]
     junctions = {lane.junction_id for lane in near} - {None}
     roads = network.xodr.roads
     ids = {lane.road_id for lane in near} | {road.id for road in roads if road.junction_id in junctions}
@@ -168,24 +168,24 @@ def _high_walks(strip: Strip) -> list[Area]:
     return found
 
 
-def _lanes_about(network: LaneNetwork, own: RouteLine, margin_m: float) -> list[int]:
+def _lanes_about(network: LaneNetwork, piece: RouteLine, margin_m: float) -> list[int]:
     """Lanes at the level of a piece of a route that come into the box about it, `margin_m` wider."""
     tables = network.tables
-    low, high = own.position_m[:, :2].min(axis=0) - margin_m, own.position_m[:, :2].max(axis=0) + margin_m
+    low, high = piece.position_m[:, :2].min(axis=0) - margin_m, piece.position_m[:, :2].max(axis=0) + margin_m
     inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
-    level = np.abs(tables.position_m[:, 2] - float(own.position_m[:, 2].mean())) < _LEVEL_M
+    level = np.abs(tables.position_m[:, 2] - float(piece.position_m[:, 2].mean())) < _LEVEL_M
     owner = np.searchsorted(tables.first, np.flatnonzero(inside & level), side="right") - 1
     lanes: list[int] = np.unique(owner).tolist()
     return lanes
 
 
-def _lanes_near(network: LaneNetwork, own: RouteLine) -> list[Area]:
+def _lanes_near(network: LaneNetwork, piece: RouteLine) -> list[Area]:
     """Lanes in junctions, the route's own lanes, and the verges beside these."""
     tables = network.tables
-    mine = {int(n) for n in np.unique(own.lane)}
+    mine = {int(n) for n in np.unique(piece.lane)}
     roads = {network.lanes[n].road_id for n in mine}
     found = []
-    for number in _lanes_about(network, own, _MARGIN_M):
+    for number in _lanes_about(network, piece, _MARGIN_M):
         lane = network.lanes[number]
         crossing = lane.junction_id is not None and lane.type in DRIVABLE_TYPES
         if not (number in mine or crossing or (lane.type in _ROOM and lane.road_id in roads)):

@@ -103,10 +103,10 @@ def _bend(s: Array, heading: Array, window_m: float) -> Array:
 
 def _fit(network: LaneNetwork, line: RouteLine, turn: _Turn) -> RouteLine | None:
     """The best line through a turn, None where the driver's own way needs no better."""
-    own = line.taking(slice(turn.start, turn.end + 1))
-    xy, heading = own.position_m[:, :2], np.unwrap(own.heading_rad)
+    piece = line.taking(slice(turn.start, turn.end + 1))
+    xy, heading = piece.position_m[:, :2], np.unwrap(piece.heading_rad)
     s = distance_along(xy)
-    room = room_about(network, own)
+    room = room_about(network, piece)
     _, used_m, used_rad = inside_line(s, xy, heading)
     steep = _bend(s, heading, WINDOW_M).max() > 1.0 / STEEP_M
     if not steep and kerb_room(used_m, used_rad, room)[0].min() > LEAST_ROOM_M:
@@ -132,7 +132,7 @@ def _fit(network: LaneNetwork, line: RouteLine, turn: _Turn) -> RouteLine | None
     found = path(best)
     if found is None or cost(best) >= cost_of(used_m, used_rad, room):
         return None
-    return _as_line(own, *found)
+    return _as_line(piece, *found)
 
 
 def _refined(cost: Callable[[_Shape], float], shape: _Shape) -> _Shape:
@@ -192,10 +192,10 @@ def _beside(
     return points, float(h[-1] if rising else h[0])
 
 
-def _as_line(own: RouteLine, xy: Array, heading: Array) -> RouteLine:
+def _as_line(middle: RouteLine, xy: Array, heading: Array) -> RouteLine:
     """Points of a fitted line with heights, lanes and stations of the middle beside them."""
-    nearest = np.asarray(cKDTree(own.position_m[:, :2]).query(xy)[1])
-    nearest[0], nearest[-1] = 0, len(own.lane) - 1
+    nearest = np.asarray(cKDTree(middle.position_m[:, :2]).query(xy)[1])
+    nearest[0], nearest[-1] = 0, len(middle.lane) - 1
     row = np.maximum.accumulate(nearest)
-    position = np.column_stack([xy, own.position_m[row, 2]])
-    return RouteLine(position, heading, own.slope[row], own.lane[row], own.station_m[row])
+    position = np.column_stack([xy, middle.position_m[row, 2]])
+    return RouteLine(position, heading, middle.slope[row], middle.lane[row], middle.station_m[row])

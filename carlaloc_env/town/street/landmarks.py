@@ -67,7 +67,7 @@ class Site:
     """A feature and the ground that it takes."""
 
     feature: Feature
-    """What stands there."""
+    """The feature."""
     ground: Area
     """Where neither buildings nor trees stand."""
 

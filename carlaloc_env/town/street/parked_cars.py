@@ -46,7 +46,7 @@ VERGES = {"residential": 0.3, "small_town": 0.2}
 DRIVES = {"residential": 0.75, "small_town": 0.35}
 """Share of the possible drives that are laid."""
 SLOWEST_MPS = 70.0 / 3.6
-"""Nobody parks beside roads with a higher limit [m/s]."""
+"""No car parks beside roads with a higher limit [m/s]."""
 
 
 @dataclass(slots=True, eq=False)

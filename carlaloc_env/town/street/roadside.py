@@ -1,4 +1,4 @@
-"""What stands beside roads rather than on sidewalks: rails, masts, wires, parked cars, car parks."""
+"""Things beside roads rather than on sidewalks: rails, masts, wires, parked cars, car parks."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FOOT_CLEAR_M, CROSSWALK_CLEAR_M = 0.6, 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Roadside:
-    """What was placed."""
+    """Everything that was placed."""
 
     meshes: list[Mesh]
     """Everything that is seen."""

@@ -42,7 +42,7 @@ SOLID_PROPS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Dressing:
-    """What was placed."""
+    """Everything that was placed."""
 
     meshes: list[Mesh]
     """Everything that is seen, except the ground cover."""

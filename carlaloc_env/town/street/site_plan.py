@@ -1,4 +1,4 @@
-"""Who gets which ground beside the roads: features, car parks and buildings."""
+"""The ground beside the roads, shared among features, car parks and buildings."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Plots:
     """The ground beside the roads and what stands on it."""
 
     features: list[Site]
-    """What `town.toml` asks for."""
+    """Features that `town.toml` asks for."""
     waysides: Waysides
     """Edges of the roads and the ground beside them."""
     car_parks: list[CarPark]

@@ -53,10 +53,10 @@ def mast_meshes(
     double, yaw_double = _outside(spans, *_on_medians(medians))
     single, yaw_single = _outside(spans, *_beside(ways, double, paved))
     deck, yaw_deck = _on_parapets(ways.edges, overhead)
-    one = furniture.lamp(MAST_M, ARM_M)
+    mast = furniture.lamp(MAST_M, ARM_M)
     kinds = (
-        (merge([one, placed(one, (0.0, 0.0, 0.0), np.pi)]), double, yaw_double, MAST_M, (ARM_M, -ARM_M)),
-        (one, single, yaw_single, MAST_M, (ARM_M,)),
+        (merge([mast, placed(mast, (0.0, 0.0, 0.0), np.pi)]), double, yaw_double, MAST_M, (ARM_M, -ARM_M)),
+        (mast, single, yaw_single, MAST_M, (ARM_M,)),
         (furniture.lamp(DECK_LAMP_M, DECK_ARM_M), deck, yaw_deck, DECK_LAMP_M, (DECK_ARM_M,)),
     )
     meshes, lights = [], [np.zeros((0, 3))]

@@ -1,4 +1,4 @@
-"""What underpasses are fitted with: cladding, cable trays, lamps, downpipes, emergency stations."""
+"""Fittings of underpasses: cladding, cable trays, lamps, downpipes, emergency stations."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Wall:
             for front in (0, 1):
                 corners[:, front, z] = base + front * out
                 corners[:, front, z, 2] = heights
-        # The line runs to the right of whoever looks at it where the inward side lies on its left.
+        # Seen from inside, the line runs to the right where the inward side lies on its left.
         step = base[1] - base[0]
         if step[0] * out[0, 1] - step[1] * out[0, 0] > 0.0:
             corners = corners[::-1]

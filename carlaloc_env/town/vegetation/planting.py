@@ -146,7 +146,7 @@ def _stand(land: Land, props: PropField, fields: Area, kind: str, area: Area) ->
     )
     xy = xy[inside]
     free = land.taken.distance_m(xy)
-    # Between paving and houses of paved zones grows nothing that nobody planted.
+    # Nothing grows wild between paving and houses of paved zones.
     border = YARD_M.get(kind, -2.0) + LAWN_M
     on_lawn = land.roads.distance_m(xy) > border
     xy, free = xy[on_lawn], free[on_lawn]

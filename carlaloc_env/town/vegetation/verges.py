@@ -1,4 +1,4 @@
-"""What lines motorways: noise barriers, grass banks with bushes, rows of trees, and open stretches."""
+"""The verges of motorways: noise barriers, grass banks with bushes, rows of trees, and open stretches."""
 
 from __future__ import annotations
 
