@@ -60,10 +60,6 @@ class _Occupied:
         """Occupy more ground."""
         self.area = shapely.union_all([self.area, *areas])
 
-    def add_feet(self, feet_m: Array, radius_m: float = FOOT_CLEAR_M) -> None:
-        """Occupy discs about feet (N, 3)."""
-        self.add(*_discs(feet_m, radius_m))
-
 
 def line_roads(
     solid: MeshBuilder,
@@ -97,7 +93,7 @@ def line_roads(
     taken.add(*_discs(markers), *_discs(sign_feet, SIGN_CLEAR_M))
     rows = place_lines(ways, taken.area, work.overhead)
     poles, pole_feet = add_lines(fittings, rows, ids)
-    taken.add_feet(pole_feet)
+    taken.add(*_discs(pole_feet))
     walks = shapely.union_all([shapely.Polygon(walk.polygon_m[:, :2]) for walk in network.crosswalks])
     park_in_lanes(cars, work.strips, ways, walks)
     drives = lay_drives(fittings, cars, ways, taken.area)
