@@ -1,4 +1,4 @@
-"""What lies in a road's surface and is felt: covers, repairs, and joints across lanes and at bridges."""
+"""Events in a road's surface that wheels feel: covers, repairs, and joints across lanes and at bridges."""
 
 from __future__ import annotations
 

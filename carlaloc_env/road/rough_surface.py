@@ -103,7 +103,7 @@ class RoughSurface:
 
 
 def _knot_gain(cycles: Array) -> Array:
-    """What a cubic B-spline makes of its coefficients at its knots, by cycles per knot."""
+    """Gain of a cubic B-spline from its coefficients to its knots, by cycles per knot."""
     gain: Array = (2.0 + elementary.cos(2.0 * math.pi * cycles)) / 3.0
     return gain
 

@@ -14,7 +14,6 @@ from carlaloc_env.core.files.array_cache import cached
 from carlaloc_env.road.road_profile import Roughness
 from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.town import town_roads, town_scenery
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
@@ -26,7 +25,7 @@ from carlaloc_env.town.town_scenery import TownOutline, TownScenery
 
 _log = logging.getLogger(__name__)
 _PLACE = ("geoReference", "offset", "header")
-"""Elements that tell where a map lies."""
+"""Elements that place a map on the Earth."""
 _WHOLE = ("OpenDRIVE", *_PLACE)
 """Elements that concern a whole map."""
 KEPT_FILES = 10
@@ -70,7 +69,7 @@ def _not_built() -> str:
 class _TownCache:
     """The parts of a town: each from the cache, or made anew and kept there.
 
-    What builds is imported where it is needed: that takes long, and a town from the cache needs none of it.
+    Modules that build are imported where they are needed: a town from the cache needs none of them.
     """
 
     def __init__(self, source: TownId, folder: Path | None) -> None:
@@ -85,7 +84,7 @@ class _TownCache:
         )
 
     def town(self) -> Town:
-        """The town; its meshes are read when somebody looks."""
+        """The town; its meshes are read at first use."""
         roads, outline, levels = self.roads, self.outline, self.roads.levels
         return Town(
             name=self._source.name,
@@ -114,19 +113,16 @@ class _TownCache:
 
     @cached_property
     def config(self) -> TownConfig:
-        """What `town.toml` says, or what is chosen where there is none."""
+        """Settings of `town.toml`, or those chosen where there is none."""
         if self._source.toml is not None:
             return TownConfig.from_toml(self._source.toml)
         from carlaloc_env.town.road_building import choose_config
 
-        return choose_config(self.xodr(), self._source.name)
-
-    def xodr(self) -> OpenDrive:
-        """The map, long after the town was loaded if what the cache holds sufficed until then."""
-        return self._xodr
+        return choose_config(self.xodr, self._source.name)
 
     @cached_property
-    def _xodr(self) -> OpenDrive:
+    def xodr(self) -> OpenDrive:
+        """The map, read long after the town was loaded if the cache sufficed until then."""
         town = self._source
         if identify_town(town.source).source_hash != town.source_hash:
             raise MapError(f"{town.source} has changed since the town was loaded; load it again")
@@ -134,27 +130,27 @@ class _TownCache:
 
     @cached_property
     def roads(self) -> TownRoads:
-        """What drives in the town drives on this."""
+        """Lanes and surfaces for traffic."""
         return self._keep(
             "lanes",
             make=self._build_roads,
-            to_arrays=town_roads.to_arrays,
-            from_arrays=lambda arrays: town_roads.from_arrays(arrays, self.xodr, self.seed),
+            to_arrays=TownRoads.to_arrays,
+            from_arrays=lambda arrays: TownRoads.from_arrays(arrays, lambda: self.xodr, self.seed),
         )
 
     @cached_property
     def outline(self) -> TownOutline:
-        """What of the scenery is needed where nothing is drawn."""
+        """The part of the scenery that is needed where nothing is drawn."""
         return self._keep(
             "town",
             make=self._build_outline,
-            to_arrays=town_scenery.to_arrays,
-            from_arrays=town_scenery.from_arrays,
+            to_arrays=TownOutline.to_arrays,
+            from_arrays=TownOutline.from_arrays,
         )
 
     @cached_property
     def chunks(self) -> tuple[Mesh, ...]:
-        """All that is seen."""
+        """Everything that is seen."""
         return self._keep(
             "scenery",
             make=lambda: self._built.chunks,
@@ -165,23 +161,22 @@ class _TownCache:
     def _build_roads(self) -> TownRoads:
         from carlaloc_env.town.road_building import build_roads
 
-        self._tell()
-        return build_roads(self.xodr(), self.config, self.seed)
+        self._warn_of_notes()
+        return build_roads(self.xodr, self.config, self.seed)
 
-    def _tell(self) -> None:
-        """What is odd about the map as a whole, a line each, and how much more there is."""
-        notes = self.xodr().notes
-        whole = [n for n in notes if n.element in _WHOLE and not (n.element in _PLACE and self.config.geo)]
-        for note in whole:
-            _log.warning("%s: %s", self._source.source, note.message)
-        rest = sum(note.element not in _WHOLE for note in notes)
+    def _warn_of_notes(self) -> None:
+        """Log notes on the map as a whole, a line each, and the number of all others."""
+        source, rest = self._source.source, 0
+        for note in self.xodr.notes:
+            if note.element not in _WHOLE:
+                rest += 1
+            elif note.element not in _PLACE or not self.config.geo:
+                _log.warning("%s: %s", source, note.message)
         if rest:
-            _log.warning(
-                "%s: %d places are odd; list them by: carlaloc maps check FILE", self._source.source, rest
-            )
+            _log.warning("%s: %d places are odd; list them by: carlaloc maps check FILE", source, rest)
 
     def _build_outline(self) -> TownOutline:
-        # What is seen is kept at once, too: it would be built again for whoever looks next.
+        # The meshes are kept at once, too: else the next reader would build them again.
         _ = self.chunks
         return self._built
 

@@ -134,7 +134,7 @@ class SignalTiming:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadsideConfig:
-    """What lines country roads and motorways."""
+    """Things along country roads and motorways."""
 
     delineators: bool = True
     """Whether reflecting posts stand along roads of the zones rural and highway."""
@@ -215,7 +215,7 @@ class TownConfig:
     signals: SignalTiming = field(default_factory=SignalTiming)
     """Phase times."""
     roadside: RoadsideConfig = field(default_factory=RoadsideConfig)
-    """What lines country roads and motorways."""
+    """Things along country roads and motorways."""
     zones: tuple[Zone, ...] = ()
     """Areas of scenery; where two overlap the later one holds."""
     features: tuple[Feature, ...] = ()

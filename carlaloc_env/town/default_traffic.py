@@ -1,4 +1,4 @@
-"""How many others a town takes whose owner has not said."""
+"""Default numbers of vehicles and walkers of a town."""
 
 from __future__ import annotations
 

@@ -78,8 +78,8 @@ def choose_zones(network: LaneNetwork, config: TownConfig) -> TownConfig:
     for number, name in enumerate(names):
         if number == common:
             continue
-        own = corner[cells == number]
-        boxes = shapely.box(own[:, 0], own[:, 1], own[:, 0] + CELL_M, own[:, 1] + CELL_M)
+        corners = corner[cells == number]
+        boxes = shapely.box(corners[:, 0], corners[:, 1], corners[:, 0] + CELL_M, corners[:, 1] + CELL_M)
         for part in polygons_of(shapely.union_all(boxes)):
             zones.append((shapely.Polygon(part.exterior).area, name, _outline(part.exterior)))
     for hole in _holes(corner, cells, common):

@@ -1,4 +1,4 @@
-"""Works the roads of a town out of its map."""
+"""Builds the roads of a town from its map."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from carlaloc_env.town.town_roads import TownRoads, relief_on
 
 
 def choose_config(xodr: OpenDrive, name: str) -> TownConfig:
-    """Zones for a map whose owner has given none."""
+    """Zones for a map without a `town.toml`."""
     return choose_zones(build_network(xodr), TownConfig(name=name))
 
 
@@ -25,7 +25,7 @@ def build_roads(xodr: OpenDrive, config: TownConfig, seed: int) -> TownRoads:
 
     Args:
         xodr: The map.
-        config: What `town.toml` says, or what was chosen in its place.
+        config: Settings of `town.toml`, or those chosen in its place.
         seed: Number from which their relief is drawn.
 
     Raises:

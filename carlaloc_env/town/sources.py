@@ -1,4 +1,4 @@
-"""Where maps lie and which one a name means; light, so that mistakes are told before anything is built."""
+"""Where maps lie and which one a name means; light, so that mistakes are reported early."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A finished town: what drives, what is seen, and what is hit."""
+"""A finished town: its roads, meshes and solid parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The roads of a town: what `road_building` works out of a map, and the cache gives back without it."""
+"""The roads of a town, as `road_building` makes them of a map and as the cache returns them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from carlaloc_env.town.routing.route import Route
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TownRoads:
-    """What drives in a town drives on this."""
+    """Everything that traffic in a town drives on."""
 
     network: LaneNetwork
     """Lanes, signals and crosswalks."""
@@ -32,73 +32,50 @@ class TownRoads:
     levels: LevelGrid | None = None
     """How rough the roads are; None: smooth."""
 
+    def to_arrays(self) -> Arrays:
+        """The roads as named arrays."""
+        geo = self.geo
+        arrays = {f"network/{name}": value for name, value in network_arrays.to_arrays(self.network).items()}
+        arrays["geo"] = np.array([geo.latitude_deg, geo.longitude_deg, geo.height_m])
+        if isinstance(geo, ProjectedReference):
+            arrays["geo/grid"] = np.array([geo.x_m, geo.y_m, geo.turn_rad, geo.azimuth_rad])
+            arrays["geo/projection"] = np.frombuffer(geo.projection.encode(), np.uint8)
+        if self.levels is not None:
+            arrays |= {f"levels/{name}": np.asarray(v) for name, v in self.levels.table._asdict().items()}
+        if self.route is not None:
+            values = {field.name: getattr(self.route, field.name) for field in fields(Route)}
+            arrays |= {f"route/{name}": np.asarray(v) for name, v in values.items() if v is not None}
+        return arrays
 
-def to_arrays(roads: TownRoads) -> Arrays:
-    """The roads as named arrays."""
-    geo = roads.geo
-    arrays = {f"network/{name}": value for name, value in network_arrays.to_arrays(roads.network).items()}
-    arrays["geo"] = np.array([geo.latitude_deg, geo.longitude_deg, geo.height_m])
-    if isinstance(geo, ProjectedReference):
-        arrays["geo/grid"] = np.array([geo.x_m, geo.y_m, geo.turn_rad, geo.azimuth_rad])
-        arrays["geo/projection"] = np.frombuffer(geo.projection.encode(), np.uint8)
-    if roads.levels is not None:
-        table = roads.levels.table
-        arrays |= {
-            "levels/level": table.level,
-            "levels/low_m": np.array(table.low_m),
-            "levels/cell_m": np.array(table.cell_m),
-        }
-    if roads.route is not None:
-        values = {field.name: getattr(roads.route, field.name) for field in fields(Route)}
-        arrays |= {f"route/{name}": np.asarray(own) for name, own in values.items() if own is not None}
-    return arrays
+    @classmethod
+    def from_arrays(cls, arrays: Arrays, read: Callable[[], OpenDrive], seed: int) -> TownRoads:
+        """The roads again.
 
-
-def from_arrays(arrays: Arrays, read: Callable[[], OpenDrive], seed: int) -> TownRoads:
-    """The roads again.
-
-    Args:
-        arrays: What `to_arrays` made of them.
-        read: Reads their map when it is asked for.
-        seed: Number from which their relief was drawn.
-    """
-    level = _below(arrays, "levels/")
-    # Copies: compiled functions take arrays of a file, which nobody can write to, for another type.
-    levels = (
-        LevelGrid(tuple(level["low_m"].tolist()), float(level["cell_m"]), level["level"].copy())
-        if level
-        else None
-    )
-    network = network_arrays.from_arrays(
-        _below(arrays, "network/"), lambda: road_map(read(), relief_on(seed, levels))
-    )
-    line = _below(arrays, "route/")
-    plain: dict[str, Any] = {
-        name: value.copy() if value.ndim else value.item() for name, value in line.items()
-    }
-    return TownRoads(
-        network=network,
-        levels=levels,
-        route=Route(**plain) if plain else None,
-        geo=_geo(arrays),
-    )
+        Args:
+            arrays: What `to_arrays` made of them.
+            read: Reads their map when it is asked for.
+            seed: Number from which their relief was drawn.
+        """
+        level, line = _below(arrays, "levels/"), _below(arrays, "route/")
+        levels, route = None, None
+        # Copies: compiled functions take arrays of a file, which are read-only, for another type.
+        if level:
+            levels = LevelGrid(tuple(level["low_m"].tolist()), float(level["cell_m"]), level["level"].copy())
+        if line:
+            plain: dict[str, Any] = {k: v.copy() if v.ndim else v.item() for k, v in line.items()}
+            route = Route(**plain)
+        network = network_arrays.from_arrays(
+            _below(arrays, "network/"), lambda: road_map(read(), relief_on(seed, levels))
+        )
+        return cls(network=network, levels=levels, route=route, geo=_geo(arrays))
 
 
 def _geo(arrays: Arrays) -> GeoReference:
-    latitude, longitude, height = arrays["geo"].tolist()
+    place = dict(zip(("latitude_deg", "longitude_deg", "height_m"), arrays["geo"].tolist(), strict=True))
     if "geo/grid" not in arrays:
-        return GeoReference(latitude_deg=latitude, longitude_deg=longitude, height_m=height)
-    x, y, turn, azimuth = arrays["geo/grid"].tolist()
-    return ProjectedReference(
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        height_m=height,
-        projection=arrays["geo/projection"].tobytes().decode(),
-        x_m=x,
-        y_m=y,
-        turn_rad=turn,
-        azimuth_rad=azimuth,
-    )
+        return GeoReference(**place)
+    grid = zip(("x_m", "y_m", "turn_rad", "azimuth_rad"), arrays["geo/grid"].tolist(), strict=True)
+    return ProjectedReference(projection=arrays["geo/projection"].tobytes().decode(), **place, **dict(grid))
 
 
 def _below(arrays: Arrays, prefix: str) -> Arrays:

@@ -1,4 +1,4 @@
-"""The standing part of a town: what `scenery` builds, and what the cache gives back without it."""
+"""The standing part of a town, as `scenery` builds it and as the cache returns it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from carlaloc_env.scene.signal_lenses import SignalLenses
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TownOutline:
-    """What of it is needed where nothing is drawn: what is hit and felt, and where lights are."""
+    """The part that is needed where nothing is drawn: what is hit and felt, and where lights are."""
 
     collision_vertices_m: Array
     """Corners of all that is solid [m], shape (V, 3)."""
@@ -26,13 +26,30 @@ class TownOutline:
     lenses: SignalLenses
     """Lenses of the traffic lights."""
     road_events: Array
-    """What wheels feel beside the meshes, columns of `road.road_events`, shape (N, 7)."""
+    """Events that wheels feel beside the meshes, columns of `road.road_events`, shape (N, 7)."""
     lamps_m: Array
     """Light sources of the street lamps [m], shape (K, 3)."""
 
+    def to_arrays(self) -> Arrays:
+        """The outline as named arrays."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        lenses = {f"lenses/{f.name}": getattr(self.lenses, f.name) for f in fields(SignalLenses)}
+        return arrays | {name: value for name, value in lenses.items() if value is not None}
+
+    @staticmethod
+    def from_arrays(arrays: Arrays) -> TownOutline:
+        """The outline again.
+
+        Raises:
+            KeyError: An array is missing.
+        """
+        prefix = "lenses/"
+        lenses = {name[len(prefix) :]: value for name, value in arrays.items() if name.startswith(prefix)}
+        return TownOutline(lenses=SignalLenses(**lenses), **{name: arrays[name] for name in _ARRAYS})
+
 
 _ARRAYS = tuple(field.name for field in fields(TownOutline) if field.name != "lenses")
-"""What of an outline is an array."""
+"""Fields of an outline that are arrays."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,21 +57,4 @@ class TownScenery(TownOutline):
     """The standing part of a town."""
 
     chunks: tuple[Mesh, ...]
-    """All that is seen, in squares."""
-
-
-def to_arrays(outline: TownOutline) -> Arrays:
-    """The outline as named arrays."""
-    arrays = {name: getattr(outline, name) for name in _ARRAYS}
-    lenses = {f"lenses/{f.name}": getattr(outline.lenses, f.name) for f in fields(SignalLenses)}
-    return arrays | {name: value for name, value in lenses.items() if value is not None}
-
-
-def from_arrays(arrays: Arrays) -> TownOutline:
-    """The outline again.
-
-    Raises:
-        KeyError: An array is missing.
-    """
-    lenses = {name[len("lenses/") :]: value for name, value in arrays.items() if name.startswith("lenses/")}
-    return TownOutline(lenses=SignalLenses(**lenses), **{name: arrays[name] for name in _ARRAYS})
+    """Everything that is seen, in squares."""

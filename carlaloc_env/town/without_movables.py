@@ -1,4 +1,4 @@
-"""Towns without what is parked in them: the traffic level `empty`."""
+"""Towns without the vehicles parked in them: the traffic level `empty`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.town import Town
 
 MOVABLE = (Tag.PEDESTRIAN, Tag.RIDER, Tag.CAR, Tag.TRUCK, Tag.BUS, Tag.MOTORCYCLE, Tag.BICYCLE)
-"""Tags of what can move, even where it is parked."""
+"""Tags of things that can move, even where they are parked."""
 
 
 def without_movables(town: Town) -> Town:
@@ -31,10 +31,10 @@ def without_movables(town: Town) -> Town:
 
 
 def _standing(chunk: Mesh) -> Mesh:
-    """What of a mesh cannot move."""
-    goes = np.isin(chunk.tag, MOVABLE)
-    if not goes.any():
+    """The part of a mesh that cannot move."""
+    stays = ~np.isin(chunk.tag, MOVABLE)
+    if stays.all():
         return chunk
-    number = np.cumsum(~goes) - 1
-    triangles = chunk.triangles[~goes[chunk.triangles[:, 0]]]
-    return chunk.taking(np.flatnonzero(~goes), number[triangles].astype(np.uint32))
+    number = np.cumsum(stays) - 1
+    triangles = chunk.triangles[stays[chunk.triangles[:, 0]]]
+    return chunk.taking(np.flatnonzero(stays), number[triangles].astype(np.uint32))

@@ -11,7 +11,6 @@ from shared_fixtures.worlds.small_towns import KERBSIDE, MOTORWAY, climb, straig
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.array_cache import load, save
-from carlaloc_env.town import town_roads
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.opendrive.reader import read_opendrive
@@ -47,10 +46,10 @@ def kept(roads: TownRoads, xodr: OpenDrive | None, file: Path) -> TownRoads:
         assert xodr is not None, "the map was read"
         return xodr
 
-    save(file, town_roads.to_arrays(roads))
+    save(file, roads.to_arrays())
     arrays = load(file)
     assert arrays is not None
-    return town_roads.from_arrays(arrays, read, SEED)
+    return TownRoads.from_arrays(arrays, read, SEED)
 
 
 @pytest.mark.parametrize("name", ["Town01", "Town03", *SMALL])

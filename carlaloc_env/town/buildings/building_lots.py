@@ -11,9 +11,10 @@ import shapely
 from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.buildings.buildings import BuildingPlan, draw_plan
-from carlaloc_env.town.ground.height_fields import densify
+from carlaloc_env.town.ground.height_fields import densify, distance_along, interpolated
 from carlaloc_env.town.ground.lane_strips import PAVED, Strip
-from carlaloc_env.town.meshing.mesh_builder import box_quads
+from carlaloc_env.town.ground.terrain import Zones
+from carlaloc_env.town.meshing.mesh_builder import box_quads, turned
 from carlaloc_env.town.meshing.polygons import Area
 
 CLEARANCE_M = 0.1
@@ -34,7 +35,7 @@ class Lot:
     """A building and its place."""
 
     plan: BuildingPlan
-    """What stands there."""
+    """The building."""
     corner_m: Array
     """Left end of the front, seen from the street, world x and y [m], shape (2,)."""
     heading_rad: float
@@ -95,8 +96,8 @@ class _Footprints:
     def near(self, area: Area) -> bool:
         """Whether an area, 1 cm smaller, meets one of them."""
         x0, y0, x1, y1 = area.bounds
-        own = self._boxes[: len(self._areas)]
-        rows = np.flatnonzero((own[:, 0] <= x1) & (own[:, 2] >= x0) & (own[:, 1] <= y1) & (own[:, 3] >= y0))
+        box = self._boxes[: len(self._areas)]
+        rows = np.flatnonzero((box[:, 0] <= x1) & (box[:, 2] >= x0) & (box[:, 1] <= y1) & (box[:, 3] >= y0))
         if not len(rows):
             return False
         found = np.array([self._areas[row] for row in rows])
@@ -126,9 +127,7 @@ def frontages(strips: Sequence[Strip]) -> list[tuple[str, Array, float]]:
     return lines
 
 
-def place_lots(
-    strips: Sequence[Strip], blocked: Area, zones: Sequence[tuple[str, Area]], seed: int
-) -> list[Lot]:
+def place_lots(strips: Sequence[Strip], blocked: Area, zones: Zones, seed: int) -> list[Lot]:
     """Buildings along all roads, in the order of the roads.
 
     Args:
@@ -137,108 +136,76 @@ def place_lots(
         zones: Kinds of scenery with their areas.
         seed: Seed of the town.
     """
-    shapely.prepare(blocked)
-    for _, area in zones:
-        shapely.prepare(area)
-    placed: list[Lot] = []
-    footprints = _Footprints()
-    farmsteads = Farmsteads()
+    street = _Placer(blocked, zones, seed)
     inside = [strip for strip in strips if strip.junction_id is None]
     joints = [strip for strip in strips if strip.junction_id is not None]
     for name, line, extra in frontages([*inside, *joints]):
-        _along(name, line, extra, blocked, zones, seed, placed, footprints, farmsteads)
-    return placed
+        street.line_up(name, line, extra)
+    return street.placed
 
 
-def _along(
-    name: str,
-    line: Array,
-    extra_m: float,
-    blocked: Area,
-    zones: Sequence[tuple[str, Area]],
-    seed: int,
-    placed: list[Lot],
-    footprints: _Footprints,
-    farmsteads: Farmsteads,
-) -> None:
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
-    at, count = 0.5, 0
-    while at < length[-1] - 6.0:
-        draw = rng.stream(seed, f"lot/{name}", index=count)
-        count += 1
-        start = _on(line, length, at)
-        zone = _zone(zones, start)
-        if zone == "rural" and not farmsteads.room(start, draw):
-            at += 4 * _STEP_M
-            continue
-        plan = draw_plan(zone, draw, [lot.plan.appearance for lot in placed[-3:]], length[-1] - at)
-        if plan is None:
-            at += 4 * _STEP_M
-            continue
-        lot = _fit(f"lot/{name}/{count}", line, length, at, extra_m, plan, blocked, footprints)
-        if lot is None:
-            at += _STEP_M
-            continue
-        placed.append(lot)
-        footprints.add(lot.footprint())
-        if zone == "rural":
-            farmsteads.add(start)
-        spread = 2.5 if zone == "industrial" else 1.0
-        at += plan.width_m + plan.appearance.style.gap_m * float(draw.uniform(0.6, 1.4)) * spread + 0.02
+class _Placer:
+    """Lines up buildings where nothing is in their way."""
 
+    def __init__(self, blocked: Area, zones: Zones, seed: int) -> None:
+        for area in (blocked, *(area for _, area in zones)):
+            shapely.prepare(area)
+        self._blocked, self._zones, self._seed = blocked, zones, seed
+        self._footprints, self._farmsteads = _Footprints(), Farmsteads()
+        self.placed: list[Lot] = []
 
-def _fit(
-    name: str,
-    line: Array,
-    length: Array,
-    at: float,
-    extra_m: float,
-    plan: BuildingPlan,
-    blocked: Area,
-    footprints: _Footprints,
-) -> Lot | None:
-    start, end = _on(line, length, at), _on(line, length, at + plan.width_m)
-    chord = end - start
-    if np.hypot(*chord) < 0.9 * plan.width_m:
+    def line_up(self, name: str, line: Array, extra_m: float) -> None:
+        """Place buildings along one line, `extra_m` farther from it than their style asks for."""
+        length = distance_along(line)
+        at, count = 0.5, 0
+        while at < length[-1] - 6.0:
+            draw = rng.stream(self._seed, f"lot/{name}", index=count)
+            count += 1
+            start = interpolated(np.array([at]), length, line[:, :2])[0]
+            zone = self._zones.kind_at(start, self._zones.default)
+            rural = zone == "rural"
+            plan = None
+            if not rural or self._farmsteads.room(start, draw):
+                before = [lot.plan.appearance for lot in self.placed[-3:]]
+                plan = draw_plan(zone, draw, before, length[-1] - at)
+            if plan is None:
+                at += 4 * _STEP_M
+                continue
+            end = interpolated(np.array([at + plan.width_m]), length, line[:, :2])[0]
+            lot = self._fit(f"lot/{name}/{count}", start, end, extra_m, plan)
+            if lot is None:
+                at += _STEP_M
+                continue
+            self.placed.append(lot)
+            self._footprints.add(lot.footprint())
+            if rural:
+                self._farmsteads.add(start)
+            spread = 2.5 if zone == "industrial" else 1.0
+            at += plan.width_m + plan.appearance.style.gap_m * float(draw.uniform(0.6, 1.4)) * spread + 0.02
+
+    def _fit(self, name: str, start: Array, end: Array, extra_m: float, plan: BuildingPlan) -> Lot | None:
+        """The lot of a building between two points (2,) of a line, None where something is in the way."""
+        chord = end - start
+        if np.hypot(*chord) < 0.9 * plan.width_m:
+            return None
+        heading = float(elementary.arctan2(chord[1], chord[0]))
+        right = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
+        for shift in (0.0, 0.6, 1.5):
+            distance = CLEARANCE_M + 0.05 + plan.appearance.style.front_m + extra_m + shift
+            # The building's own front runs the other way round: its left end lies at the line's end.
+            corner = start + right * distance + chord / np.hypot(*chord) * plan.width_m
+            lot = Lot(plan=plan, corner_m=corner, heading_rad=heading + np.pi, name=name)
+            area = lot.footprint()
+            if not (shapely.dwithin(self._blocked, area, CLEARANCE_M) or self._footprints.near(area)):
+                return lot
         return None
-    heading = float(elementary.arctan2(chord[1], chord[0]))
-    right = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
-    for shift in (0.0, 0.6, 1.5):
-        distance = CLEARANCE_M + 0.05 + plan.appearance.style.front_m + extra_m + shift
-        # The building's own front runs the other way round: its left end lies at the line's end.
-        corner = start + right * distance + chord / np.hypot(*chord) * plan.width_m
-        lot = Lot(plan=plan, corner_m=corner, heading_rad=heading + np.pi, name=name)
-        area = lot.footprint()
-        if shapely.dwithin(blocked, area, CLEARANCE_M):
-            continue
-        if footprints.near(area):
-            continue
-        return lot
-    return None
-
-
-def _zone(zones: Sequence[tuple[str, Area]], xy: Array) -> str:
-    point = shapely.Point(*xy)
-    for kind, area in zones:
-        if shapely.intersects(area, point):
-            return kind
-    return zones[-1][0]
-
-
-def _on(line: Array, length: Array, at: float) -> Array:
-    return np.array([np.interp(at, length, line[:, 0]), np.interp(at, length, line[:, 1])])
 
 
 def _rectangle(corner: Array, heading: float, width: float, depth: float) -> Area:
     along = np.array([elementary.cos(heading), elementary.sin(heading)])
     inward = np.array([-along[1], along[0]])
-    points = [
-        corner,
-        corner + along * width,
-        corner + along * width + inward * depth,
-        corner + inward * depth,
-    ]
-    return shapely.Polygon(points)
+    end = corner + along * width
+    return shapely.Polygon([corner, end, end + inward * depth, corner + inward * depth])
 
 
 def lot_boxes(lots: Sequence[Lot], base_m: Sequence[float]) -> Array:
@@ -247,9 +214,5 @@ def lot_boxes(lots: Sequence[Lot], base_m: Sequence[float]) -> Array:
     for lot, base in zip(lots, base_m, strict=True):
         plan = lot.plan
         box = box_quads([0.0, 0.0, base - 1.0], [plan.width_m, plan.depth_m, base + plan.height_m])
-        c, s = elementary.cos(lot.heading_rad), elementary.sin(lot.heading_rad)
-        turned = box.copy()
-        turned[..., 0] = lot.corner_m[0] + c * box[..., 0] - s * box[..., 1]
-        turned[..., 1] = lot.corner_m[1] + s * box[..., 0] + c * box[..., 1]
-        faces.append(turned)
+        faces.append(turned(box, lot.corner_m, lot.heading_rad))
     return np.concatenate(faces) if faces else np.zeros((0, 4, 3))

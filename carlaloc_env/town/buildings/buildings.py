@@ -10,14 +10,12 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh
-from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.appearance import Appearance
+from carlaloc_env.town.buildings.appearance import Appearance, Shell
 from carlaloc_env.town.buildings.facades import facade
 from carlaloc_env.town.buildings.roofs import add_roof
 from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR
 from carlaloc_env.town.buildings.styles import STYLES, ZONE_STYLES, Style
 from carlaloc_env.town.buildings.walls import Wall, around
-from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
 FOUNDATION_M = 1.2
@@ -68,14 +66,11 @@ def draw_plan(
     if not entries:
         return None
     weights = np.array([weight for _, weight in entries])
-    appearance = None
     for _ in range(12):
         style = STYLES[entries[int(rng.choice(len(entries), p=weights / weights.sum()))][0]]
         appearance = draw_appearance(style, rng)
         if all((appearance.material, appearance.tint) != (other.material, other.tint) for other in before):
             break
-    assert appearance is not None
-    style = appearance.style
     width = float(rng.uniform(style.width_m[0], min(style.width_m[1], widest_m)))
     return BuildingPlan(
         appearance=appearance,
@@ -87,24 +82,18 @@ def draw_plan(
 
 def building_mesh(plan: BuildingPlan, rng: np.random.Generator, instance: int) -> Mesh:
     """A building on z = 0 whose front foot runs from (0, 0) to (width, 0) and looks towards −y."""
-    out = MeshBuilder()
-    appearance, levels = plan.appearance, plan.levels_m()
-    parts = _masses(plan)
-    for index, (x, y, width, depth, first, last) in enumerate(parts):
+    shell, levels = Shell(out=MeshBuilder(), look=plan.appearance), plan.levels_m()
+    for index, (x, y, width, depth, first, last) in enumerate(_masses(plan)):
         base = float(levels[first])
+        heights = levels[first : last + 1] - base
         for side, wall in enumerate(around(width, depth)):
-            shifted = Wall(
-                origin_m=wall.origin_m + np.array([x, y, base]), along=wall.along, width_m=wall.width_m
-            )
-            heights = levels[first : last + 1] - base
-            _one_wall(
-                out, shifted, appearance, heights, rng, street=side == 0 and index == 0, upper=index > 0
-            )
-        add_roof(out, appearance, (x, y, width, depth), float(levels[last]), rng, last == plan.storeys)
-    if appearance.style.ground == "hall":
-        _hall_doors(out, plan, rng)
-    _foundation(out, plan)
-    return out.build().with_instance(instance)
+            _one_wall(shell, wall.moved((x, y, base)), heights, rng, street=side == 0 and index == 0)
+        add_roof(shell, (x, y, width, depth), float(levels[last]), rng, last == plan.storeys)
+    if shell.look.style.ground == "hall":
+        _hall_doors(shell, plan, rng)
+    for wall in around(plan.width_m, plan.depth_m):
+        shell.trim(wall.front(0.0, wall.width_m, -FOUNDATION_M, 0.0, 0.02))
+    return shell.out.build().with_instance(instance)
 
 
 def draw_appearance(style: Style, rng: np.random.Generator) -> Appearance:
@@ -136,34 +125,21 @@ def _masses(plan: BuildingPlan) -> list[tuple[float, float, float, float, int, i
     return parts
 
 
-def _one_wall(
-    out: MeshBuilder,
-    wall: Wall,
-    appearance: Appearance,
-    levels: Array,
-    rng: np.random.Generator,
-    *,
-    street: bool,
-    upper: bool,
-) -> None:
-    if appearance.material == Material.CURTAIN_WALL and not street:
-        _curtain(out, wall, appearance, levels)
-    elif appearance.material == Material.CURTAIN_WALL:
-        facade(out, wall, appearance, levels[:2], rng, front=True)
-        raised = Wall(
-            origin_m=wall.origin_m + np.array([0.0, 0.0, levels[1]]), along=wall.along, width_m=wall.width_m
-        )
-        _curtain(out, raised, appearance, levels[1:] - levels[1])
+def _one_wall(shell: Shell, wall: Wall, levels: Array, rng: np.random.Generator, *, street: bool) -> None:
+    if shell.look.material == Material.CURTAIN_WALL and not street:
+        _curtain(shell, wall, levels)
+    elif shell.look.material == Material.CURTAIN_WALL:
+        facade(shell, wall, levels[:2], rng, front=True)
+        _curtain(shell, wall.moved((0.0, 0.0, levels[1])), levels[1:] - levels[1])
     else:
-        facade(out, wall, appearance, levels, rng, front=street and not upper)
+        facade(shell, wall, levels, rng, front=street)
 
 
-def _curtain(out: MeshBuilder, wall: Wall, appearance: Appearance, levels: Array) -> None:
+def _curtain(shell: Shell, wall: Wall, levels: Array) -> None:
     """Glass from floor to floor with mullions."""
     top = float(levels[-1])
-    glass = wall.front(0.0, wall.width_m, levels[:-1], levels[1:])
-    out.quads(glass, material=Material.CURTAIN_WALL, tag=Tag.BUILDING, colour=appearance.tint)
-    bays = max(2, round(wall.width_m / appearance.style.bay_m))
+    shell.wall(wall.front(0.0, wall.width_m, levels[:-1], levels[1:]))
+    bays = max(2, round(wall.width_m / shell.look.style.bay_m))
     a = np.linspace(0.05, wall.width_m - 0.05, bays + 1)
     mullions = np.concatenate(
         [
@@ -172,12 +148,12 @@ def _curtain(out: MeshBuilder, wall: Wall, appearance: Appearance, levels: Array
             wall.right_side(a + 0.05, 0.0, 0.14, 0.0, top),
         ]
     )
-    out.quads(mullions, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=appearance.trim)
+    shell.trim(mullions, Material.METAL_PAINTED)
     spandrel = wall.front(0.0, wall.width_m, levels[:-1] - 0.2, levels[:-1] + 0.45, 0.04)
-    out.quads(spandrel, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=appearance.trim)
+    shell.trim(spandrel, Material.METAL_PAINTED)
 
 
-def _hall_doors(out: MeshBuilder, plan: BuildingPlan, rng: np.random.Generator) -> None:
+def _hall_doors(shell: Shell, plan: BuildingPlan, rng: np.random.Generator) -> None:
     """Roller doors of a hall and a small door for people."""
     wall = around(plan.width_m, plan.depth_m)[0]
     count = max(1, int(plan.width_m // 9.0))
@@ -185,20 +161,7 @@ def _hall_doors(out: MeshBuilder, plan: BuildingPlan, rng: np.random.Generator) 
     high = min(4.2, plan.height_m - 0.8)
     gates = wall.front(a - 2.0, a + 2.0, 0.0, high, 0.02)
     frames = wall.box(a - 2.2, a + 2.2, high, high + 0.25, 0.1)
-    out.quads(
-        gates,
-        material=Material.DOOR,
-        tag=Tag.BUILDING,
-        uv_m=cell_uv(Material.DOOR, np.full(count, GARAGE_DOOR)),
-    )
-    out.quads(frames, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=plan.appearance.trim)
+    shell.pictures(gates, Material.DOOR, np.full(count, GARAGE_DOOR))
+    shell.trim(frames, Material.METAL_PAINTED)
     side = wall.front(a[0] + 2.6, a[0] + 3.5, 0.0, 2.1, 0.02)
-    pick = rng.integers(0, GARAGE_DOOR, 1)
-    out.quads(side, material=Material.DOOR, tag=Tag.BUILDING, uv_m=cell_uv(Material.DOOR, pick))
-
-
-def _foundation(out: MeshBuilder, plan: BuildingPlan) -> None:
-    faces = [w.front(0.0, w.width_m, -FOUNDATION_M, 0.0, 0.02) for w in around(plan.width_m, plan.depth_m)]
-    out.quads(
-        np.concatenate(faces), material=Material.CONCRETE, tag=Tag.BUILDING, colour=plan.appearance.trim
-    )
+    shell.pictures(side, Material.DOOR, rng.integers(0, GARAGE_DOOR, 1))

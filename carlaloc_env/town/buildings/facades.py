@@ -6,22 +6,23 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.appearance import Appearance, trim_faces, wall_faces
-from carlaloc_env.town.buildings.facade_ornaments import Openings, wall_ornaments, window_ornaments
+from carlaloc_env.town.buildings.appearance import Shell
+from carlaloc_env.town.buildings.facade_ornaments import (
+    Openings,
+    crossed,
+    wall_ornaments,
+    window_ornaments,
+)
 from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR, street_storey
 from carlaloc_env.town.buildings.walls import Wall
-from carlaloc_env.town.meshing.atlas_uv import cell_uv
-from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
 FULL_DETAIL_M = 24.0
-"""Above this height windows lose sills and reveals: from the street nobody sees them [m]."""
+"""Above this height windows have no sills and reveals, which cannot be seen from the street [m]."""
 
 
 def facade(
-    out: MeshBuilder,
+    shell: Shell,
     wall: Wall,
-    appearance: Appearance,
     levels_m: Array,
     rng: np.random.Generator,
     *,
@@ -30,36 +31,31 @@ def facade(
     """Add one wall.
 
     Args:
-        out: Where the faces go, in the building's frame.
+        shell: Takes the faces.
         wall: The wall.
-        appearance: Materials and tints.
         levels_m: Heights of the storeys' lower edges above the wall's foot [m], and of the top, (S + 1,).
         rng: Randomness of this wall.
         front: Whether it is the street side, with doors, shop fronts and full relief.
     """
-    style = appearance.style
+    style = shell.look.style
     bays = max(1, round((wall.width_m - 0.8) / style.bay_m))
     pitch = (wall.width_m - 0.8) / bays
     centre: Array = 0.4 + pitch * (np.arange(bays, dtype=np.float64) + 0.5)
     width = min(style.window_m[0], pitch - 0.3)
-    storeys = len(levels_m) - 1
     first = 1 if front and style.ground != "hall" else 0
-    if style.ground == "hall":
-        first = 0
     if front and style.ground in ("shop", "lobby"):
-        street_storey(out, wall, appearance, centre, pitch, float(levels_m[0]), float(levels_m[1]), rng)
+        street_storey(shell, wall, centre, pitch, float(levels_m[0]), float(levels_m[1]), rng)
     elif front and style.ground == "dwelling":
-        _entrance_storey(out, wall, appearance, centre, width, float(levels_m[0]), float(levels_m[1]), rng)
-    if first < storeys:
-        _window_storeys(out, wall, appearance, centre, width, levels_m[first:], rng, front=front)
-    _mouldings(out, wall, appearance, levels_m, pitch, front=front)
-    wall_ornaments(out, wall, appearance, levels_m, centre, width, front)
+        _entrance_storey(shell, wall, centre, width, float(levels_m[0]), float(levels_m[1]), rng)
+    if first < len(levels_m) - 1:
+        _window_storeys(shell, wall, centre, width, levels_m[first:], rng, front=front)
+    _mouldings(shell, wall, levels_m, pitch, front=front)
+    wall_ornaments(shell, wall, levels_m, centre, width, front)
 
 
 def _window_storeys(
-    out: MeshBuilder,
+    shell: Shell,
     wall: Wall,
-    appearance: Appearance,
     centre: Array,
     width: float,
     levels: Array,
@@ -67,110 +63,79 @@ def _window_storeys(
     *,
     front: bool,
 ) -> None:
-    style = appearance.style
+    style = shell.look.style
     floor = levels[:-1]
     sill = floor + style.sill_m
     head = np.minimum(sill + style.window_m[1], levels[1:] - 0.15)
     a0, a1 = centre - width / 2, centre + width / 2
-    shape = (len(floor), len(centre))
-    grid = Openings(
-        a0=np.broadcast_to(a0, shape).ravel(),
-        a1=np.broadcast_to(a1, shape).ravel(),
-        z0=np.broadcast_to(sill[:, None], shape).ravel(),
-        z1=np.broadcast_to(head[:, None], shape).ravel(),
-    )
-    band_z0 = np.append(levels[0], head)
-    band_z1 = np.append(sill, levels[-1])
-    wall_faces(out, appearance, wall.front(0.0, wall.width_m, band_z0, band_z1))
-    pier_a0, pier_a1 = np.append(0.0, a1), np.append(a0, wall.width_m)
-    piers = (len(floor), len(pier_a0))
-    wall_faces(
-        out,
-        appearance,
-        wall.front(
-            np.broadcast_to(pier_a0, piers).ravel(),
-            np.broadcast_to(pier_a1, piers).ravel(),
-            np.broadcast_to(sill[:, None], piers).ravel(),
-            np.broadcast_to(head[:, None], piers).ravel(),
-        ),
-    )
-    wall_faces(out, appearance, wall.front(0.0, wall.width_m, levels[0], levels[-1], -style.recess_m - 0.05))
-    _windows(out, wall, appearance, grid, rng, front=front)
+    shell.wall(wall.front(0.0, wall.width_m, np.append(levels[0], head), np.append(sill, levels[-1])))
+    piers = (np.append(0.0, a1), np.append(a0, wall.width_m))
+    shell.wall(wall.front(*crossed(*piers, sill, head)))
+    shell.wall(wall.front(0.0, wall.width_m, levels[0], levels[-1], -style.recess_m - 0.05))
+    _windows(shell, wall, Openings(*crossed(a0, a1, sill, head)), rng, front=front)
 
 
 def _windows(
-    out: MeshBuilder,
+    shell: Shell,
     wall: Wall,
-    appearance: Appearance,
     w: Openings,
     rng: np.random.Generator,
     *,
     front: bool,
 ) -> None:
-    style = appearance.style
+    style = shell.look.style
     pick = rng.integers(0, 1 << 16, len(w.a0))
-    pane = wall.front(w.a0, w.a1, w.z0, w.z1, -style.recess_m)
     glass = Material.WINDOW_WIDE if style.wide else Material.WINDOW
-    out.quads(pane, material=glass, tag=Tag.BUILDING, uv_m=cell_uv(glass, pick))
+    shell.pictures(wall.front(*w, -style.recess_m), glass, pick)
     if front:
-        window_ornaments(out, wall, appearance, w, pick)
+        window_ornaments(shell, wall, w, pick)
     near = w.z0 < FULL_DETAIL_M
-    a0, a1, z0, z1 = (x[near] for x in (w.a0, w.a1, w.z0, w.z1))
-    wall_faces(out, appearance, wall.reveal(a0, a1, z0, z1, style.recess_m))
+    a0, a1, z0, z1 = (limit[near] for limit in w)
+    shell.wall(wall.reveal(a0, a1, z0, z1, style.recess_m))
     if not front:
         return
-    sill = wall.box(a0 - 0.06, a1 + 0.06, z0 - 0.08, z0, 0.09)
-    out.quads(sill, material=Material.CONCRETE, tag=Tag.BUILDING, colour=appearance.trim)
+    shell.trim(wall.box(a0 - 0.06, a1 + 0.06, z0 - 0.08, z0, 0.09))
     masonry = (Material.BRICK_RED, Material.BRICK_BROWN, Material.RUBBLE)
-    if style.courses or appearance.material in masonry:
-        lintel = wall.box(a0 - 0.1, a1 + 0.1, z1, z1 + 0.2, 0.05)
-        out.quads(lintel, material=Material.CONCRETE, tag=Tag.BUILDING, colour=appearance.trim)
+    if style.courses or shell.look.material in masonry:
+        shell.trim(wall.box(a0 - 0.1, a1 + 0.1, z1, z1 + 0.2, 0.05))
     if style.balconies > 0.0:
         column = np.floor(a0 / style.bay_m).astype(np.int64)
         chosen = rng.random(64)[column % 64] < style.balconies
-        _balconies(out, wall, appearance, a0[chosen], a1[chosen], z0[chosen] - style.sill_m)
+        _balconies(shell, wall, a0[chosen], a1[chosen], z0[chosen] - style.sill_m)
 
 
-def _balconies(
-    out: MeshBuilder, wall: Wall, appearance: Appearance, a0: Array, a1: Array, floor: Array
-) -> None:
+def _balconies(shell: Shell, wall: Wall, a0: Array, a1: Array, floor: Array) -> None:
     if not len(a0):
         return
     left, right, depth = a0 - 0.35, a1 + 0.35, 1.0
-    if "loggias" in appearance.style.ornaments:
-        _loggias(out, wall, appearance, left, right, floor)
+    if "loggias" in shell.look.style.ornaments:
+        _loggias(shell, wall, left, right, floor)
         return
-    slab = wall.box(left, right, floor - 0.12, floor + 0.02, depth)
-    out.quads(slab, material=Material.CONCRETE, tag=Tag.BUILDING, colour=appearance.trim)
+    shell.trim(wall.box(left, right, floor - 0.12, floor + 0.02, depth))
     rail = [wall.box(left, right, floor + 0.95, floor + 1.02, depth, depth - 0.05)]
     for share in np.linspace(0.0, 1.0, 6):
         a = left + share * (right - left - 0.04)
         rail.append(wall.box(a, a + 0.04, floor, floor + 0.95, depth, depth - 0.04))
     for a in (left, right - 0.04):
         rail.append(wall.box(a, a + 0.04, floor + 0.95, floor + 1.02, depth - 0.05))
-    out.quads(
-        np.concatenate(rail), material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=appearance.accent
-    )
+    shell.accent(np.concatenate(rail), Material.METAL_PAINTED)
 
 
-def _loggias(
-    out: MeshBuilder, wall: Wall, appearance: Appearance, left: Array, right: Array, floor: Array
-) -> None:
+def _loggias(shell: Shell, wall: Wall, left: Array, right: Array, floor: Array) -> None:
     """Balconies with solid parapets and side walls."""
     depth = 1.25
     slab = wall.box(left, right, floor - 0.14, floor + 0.02, depth)
     cheeks = [wall.box(a, a + 0.12, floor, floor + 2.3, depth) for a in (left, right - 0.12)]
-    trim_faces(out, appearance, np.concatenate([slab, *cheeks]))
+    shell.trim(np.concatenate([slab, *cheeks]))
     front = wall.box(left, right, floor, floor + 0.98, depth, depth - 0.08)
-    out.quads(front, material=Material.SIDING, tag=Tag.BUILDING, colour=appearance.accent)
+    shell.accent(front, Material.SIDING)
     rail = wall.box(left, right, floor + 1.05, floor + 1.1, depth, depth - 0.06)
-    out.quads(rail, material=Material.METAL_GALVANISED, tag=Tag.BUILDING)
+    shell.faces(rail, Material.METAL_GALVANISED)
 
 
 def _entrance_storey(
-    out: MeshBuilder,
+    shell: Shell,
     wall: Wall,
-    appearance: Appearance,
     centre: Array,
     width: float,
     z0: float,
@@ -178,7 +143,7 @@ def _entrance_storey(
     rng: np.random.Generator,
 ) -> None:
     """Ground floor of a dwelling: windows, one door with a step and a small roof."""
-    style = appearance.style
+    style = shell.look.style
     door = len(centre) // 2
     others = np.arange(len(centre)) != door
     low, high = z0 + style.sill_m, min(z0 + style.sill_m + style.window_m[1], z1 - 0.2)
@@ -188,45 +153,38 @@ def _entrance_storey(
     a0[door], a1[door] = d0, d1
     ceiling = max(high, top)
     piers0, piers1 = np.append(0.0, a1), np.append(a0, wall.width_m)
-    wall_faces(out, appearance, wall.front(piers0, piers1, z0, ceiling))
-    wall_faces(out, appearance, wall.front(0.0, wall.width_m, ceiling, z1))
-    wall_faces(out, appearance, wall.front(a0[others], a1[others], z0, low))
+    shell.wall(wall.front(piers0, piers1, z0, ceiling))
+    shell.wall(wall.front(0.0, wall.width_m, ceiling, z1))
+    shell.wall(wall.front(a0[others], a1[others], z0, low))
     if ceiling > high + 1e-6:
-        wall_faces(out, appearance, wall.front(a0[others], a1[others], high, ceiling))
+        shell.wall(wall.front(a0[others], a1[others], high, ceiling))
     if ceiling > top + 1e-6:
-        wall_faces(out, appearance, wall.front(d0, d1, top, ceiling))
-    wall_faces(out, appearance, wall.front(0.0, wall.width_m, z0, z1, -style.recess_m - 0.05))
-    w = Openings(a0=a0[others], a1=a1[others], z0=np.full(others.sum(), low), z1=np.full(others.sum(), high))
-    _windows(out, wall, appearance, w, rng, front=True)
-    wall_faces(out, appearance, wall.reveal(d0, d1, z0, top, style.recess_m))
-    pick = rng.integers(0, GARAGE_DOOR, 1)
+        shell.wall(wall.front(d0, d1, top, ceiling))
+    shell.wall(wall.front(0.0, wall.width_m, z0, z1, -style.recess_m - 0.05))
+    w = Openings(a0[others], a1[others], np.full(others.sum(), low), np.full(others.sum(), high))
+    _windows(shell, wall, w, rng, front=True)
+    shell.wall(wall.reveal(d0, d1, z0, top, style.recess_m))
     panel = wall.front(d0, d1, z0, top, -style.recess_m)
-    out.quads(panel, material=Material.DOOR, tag=Tag.BUILDING, uv_m=cell_uv(Material.DOOR, pick))
+    shell.pictures(panel, Material.DOOR, rng.integers(0, GARAGE_DOOR, 1))
     step = wall.box(d0 - 0.25, d1 + 0.25, z0 - 0.3, z0 + 0.12, 0.9)
-    out.quads(step, material=Material.CONCRETE, tag=Tag.BUILDING, colour=appearance.trim)
     canopy = wall.box(d0 - 0.3, d1 + 0.3, top + 0.1, top + 0.22, 0.8)
-    out.quads(canopy, material=Material.CONCRETE, tag=Tag.BUILDING, colour=appearance.trim)
+    for block in (step, canopy):
+        shell.trim(block)
 
 
-def _mouldings(
-    out: MeshBuilder, wall: Wall, appearance: Appearance, levels: Array, pitch: float, *, front: bool
-) -> None:
-    style = appearance.style
+def _mouldings(shell: Shell, wall: Wall, levels: Array, pitch: float, *, front: bool) -> None:
+    style = shell.look.style
     if style.courses:
-        trim_faces(
-            out, appearance, wall.box(0.0, wall.width_m, levels[1:-1] - 0.14, levels[1:-1] + 0.06, 0.07)
-        )
+        shell.trim(wall.box(0.0, wall.width_m, levels[1:-1] - 0.14, levels[1:-1] + 0.06, 0.07))
     elif len(levels) > 2 and style.ground in ("shop", "lobby"):
-        trim_faces(out, appearance, wall.box(0.0, wall.width_m, levels[1] - 0.12, levels[1] + 0.12, 0.1))
+        shell.trim(wall.box(0.0, wall.width_m, levels[1] - 0.12, levels[1] + 0.12, 0.1))
     if style.pilaster_m > 0.0 and front and len(levels) > 2:
         bays = round((wall.width_m - 0.8) / pitch)
         a = 0.4 + pitch * np.arange(bays + 1)
         half = min(style.pilaster_m, pitch - style.window_m[0]) / 2
-        wall_faces(out, appearance, wall.box(a - half, a + half, levels[1], levels[-1] - 0.01, 0.16))
+        shell.wall(wall.box(a - half, a + half, levels[1], levels[-1] - 0.01, 0.16))
     reach, height = style.cornice_m
     if reach > 0.0:
         top = float(levels[-1])
-        trim_faces(
-            out, appearance, wall.box(-reach, wall.width_m + reach, top - height, top - height / 2, reach / 2)
-        )
-        trim_faces(out, appearance, wall.box(-reach, wall.width_m + reach, top - height / 2, top, reach))
+        shell.trim(wall.box(-reach, wall.width_m + reach, top - height, top - height / 2, reach / 2))
+        shell.trim(wall.box(-reach, wall.width_m + reach, top - height / 2, top, reach))

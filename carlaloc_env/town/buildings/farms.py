@@ -49,7 +49,7 @@ def barn(width_m: float, depth_m: float, draw: np.random.Generator) -> Mesh:
     top = (0.84 if gambrel else 0.72) * half
     y = np.array([-half, -knee[0], 0.0, knee[0], half])
     z = EAVES_M + np.array([0.0, knee[1], top, knee[1], 0.0])
-    walls = [_moved(wall, x0, -half) for wall in around(depth_m, width_m)]
+    walls = [wall.moved((x0, -half, 0.0)) for wall in around(depth_m, width_m)]
     faces = np.concatenate([wall.front(0.0, wall.width_m, -1.0, EAVES_M) for wall in walls])
     out.quads(faces, material=stuff, tag=Tag.BUILDING, colour=tint)
     for x, order in ((x1, 1), (x0, -1)):
@@ -82,22 +82,15 @@ def silo(diameter_m: float = 5.0, height_m: float = 15.0) -> Mesh:
     steel = Look(Material.SHEET_METAL, Tag.BUILDING, (225, 228, 230))
     hoop = Look(Material.METAL_GALVANISED, Tag.BUILDING, (170, 172, 174))
     body = lathe(steel, [(r, -0.5), (r, h)], 22)
-    dome = [
-        (r * elementary.cos(a), h + 0.75 * r * elementary.sin(a))
-        for a in np.linspace(0.0, 0.5 * np.pi - 0.05, 6)
-    ]
+    angles = np.linspace(0.0, 0.5 * np.pi - 0.05, 6)
+    dome = [(r * elementary.cos(a), h + 0.75 * r * elementary.sin(a)) for a in angles]
     parts = [body, lathe(hoop, [(r + 0.12, h - 0.05), *dome], 22)]
     for z in np.arange(0.6, h, 1.4):
         parts.append(lathe(hoop, [(r, z - 0.06), (r + 0.05, z), (r, z + 0.06)], 22))
     out = MeshBuilder()
     rungs = np.arange(0.6, h + 0.4, 0.45)
-    out.quads(
-        box_quads(
-            np.column_stack([np.full(len(rungs), r + 0.05), np.full(len(rungs), -0.22), rungs]),
-            np.column_stack([np.full(len(rungs), r + 0.16), np.full(len(rungs), 0.22), rungs + 0.04]),
-        ),
-        material=Material.METAL_GALVANISED, tag=Tag.BUILDING,
-    )  # fmt: skip
+    low, high = [(r + 0.05, -0.22, z) for z in rungs], [(r + 0.16, 0.22, z + 0.04) for z in rungs]
+    out.quads(box_quads(low, high), material=Material.METAL_GALVANISED, tag=Tag.BUILDING)
     for y in (-0.25, 0.21):
         rail = box_quads([r + 0.08, y, 0.3], [r + 0.14, y + 0.04, h + 0.6])
         out.quads(rail, material=Material.METAL_GALVANISED, tag=Tag.BUILDING)
@@ -152,11 +145,5 @@ def _barn_openings(out: MeshBuilder, walls: list[Wall], half: float, draw: np.ra
         pane = wall.front(a, a + 1.1, 1.5, 2.4, 0.03)
         pick = cell_uv(Material.WINDOW, draw.integers(0, 16, len(a)))
         out.quads(pane, material=Material.WINDOW, tag=Tag.BUILDING, uv_m=pick)
-        frame = np.concatenate(
-            [wall.box(a - 0.1, a + 1.2, 1.38, 1.5, 0.08), wall.box(a - 0.1, a + 1.2, 2.4, 2.5, 0.08)]
-        )
-        out.quads(frame, material=Material.SIDING, tag=Tag.BUILDING, colour=_TRIM)
-
-
-def _moved(wall: Wall, x_m: float, y_m: float) -> Wall:
-    return Wall(origin_m=wall.origin_m + np.array([x_m, y_m, 0.0]), along=wall.along, width_m=wall.width_m)
+        frame = [wall.box(a - 0.1, a + 1.2, low, high, 0.08) for low, high in ((1.38, 1.5), (2.4, 2.5))]
+        out.quads(np.concatenate(frame), material=Material.SIDING, tag=Tag.BUILDING, colour=_TRIM)

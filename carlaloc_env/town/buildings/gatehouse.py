@@ -12,12 +12,12 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.appearance import Appearance
+from carlaloc_env.town.buildings.appearance import Shell
 from carlaloc_env.town.buildings.buildings import FOUNDATION_M, draw_appearance
 from carlaloc_env.town.buildings.facades import facade
 from carlaloc_env.town.buildings.roofs import add_roof
 from carlaloc_env.town.buildings.styles import STYLES
-from carlaloc_env.town.buildings.walls import Wall, around
+from carlaloc_env.town.buildings.walls import around
 from carlaloc_env.town.config import Feature
 from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
@@ -57,18 +57,17 @@ def gatehouse(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
     """The building in the world; the street runs along its heading."""
     draw = rng.stream(0, f"gatehouse/{feature.position}")
     style = replace(STYLES["civic"], ground_m=PASSAGE_M, ground="shop", storey_m=3.6, ornaments=("quoins",))
-    appearance = draw_appearance(style, draw)
+    shell = Shell(out=MeshBuilder(), look=draw_appearance(style, draw))
     m = _measures(feature, paved, floor)
     levels = np.concatenate([[0.0], PASSAGE_M + style.storey_m * np.arange(m.storeys)])
-    out = MeshBuilder()
     for first, last, inner in ((0.0, m.open_m[0], 1), (m.open_m[1], m.width_m, 3)):
-        _wing(out, appearance, (first, last, m.depth_m), levels[:2], inner, draw)
-    upstairs = replace(appearance, style=replace(style, ground="hall"))
+        _wing(shell, (first, last, m.depth_m), levels[:2], inner, draw)
+    upstairs = replace(shell, look=replace(shell.look, style=replace(style, ground="hall")))
     for side, wall in enumerate(around(m.width_m, m.depth_m, float(levels[1]))):
-        facade(out, wall, upstairs, levels[1:] - levels[1], draw, front=side in (0, 2))
-    add_roof(out, appearance, (0.0, 0.0, m.width_m, m.depth_m), float(levels[-1]), draw, top=True)
-    _ceiling(out, m)
-    return copies(out.build(), _pose(feature, m), 0)
+        facade(upstairs, wall, levels[1:] - levels[1], draw, front=side in (0, 2))
+    add_roof(shell, (0.0, 0.0, m.width_m, m.depth_m), float(levels[-1]), draw, top=True)
+    _ceiling(shell, m)
+    return copies(shell.out.build(), _pose(feature, m), 0)
 
 
 def gatehouse_lamps(feature: Feature, paved: Area, floor: HeightOf) -> Array:
@@ -91,10 +90,10 @@ def _measures(feature: Feature, paved: Area, floor: HeightOf) -> _Measures:
     reach = []
     shapely.prepare(paved)
     for sign in (-1.0, 1.0):
-        way = np.arange(2.0, 0.5 * width - LEAST_WING_M, 0.25)
-        points = along[:, None] + sign * way[:, None] * across
+        away_m = np.arange(2.0, 0.5 * width - LEAST_WING_M, 0.25)
+        points = along[:, None] + sign * away_m[:, None] * across
         taken = shapely.dwithin(paved, shapely.points(points), WING_CLEARANCE_M).any(axis=0)
-        reach.append(float(way[np.flatnonzero(taken)[-1]]) + 0.25 if taken.any() else 2.0)
+        reach.append(float(away_m[np.flatnonzero(taken)[-1]]) + 0.25 if taken.any() else 2.0)
     return _Measures(
         width_m=width,
         depth_m=depth,
@@ -115,8 +114,7 @@ def _pose(feature: Feature, m: _Measures) -> Array:
 
 
 def _wing(
-    out: MeshBuilder,
-    appearance: Appearance,
+    shell: Shell,
     place: tuple[float, float, float],
     levels: Array,
     inner: int,
@@ -125,30 +123,27 @@ def _wing(
     """Ground floor of one wing, with shops towards the street's ends and in the passage."""
     first, last, depth = place
     for side, wall in enumerate(around(last - first, depth)):
-        shifted = Wall(
-            origin_m=wall.origin_m + np.array([first, 0.0, 0.0]), along=wall.along, width_m=wall.width_m
-        )
-        facade(out, shifted, appearance, levels, draw, front=side in (0, 2, inner))
-        foot = shifted.front(0.0, wall.width_m, -FOUNDATION_M, 0.0, 0.02)
-        out.quads(foot, material=Material.CONCRETE, tag=Tag.BUILDING, colour=appearance.trim)
+        shifted = wall.moved((first, 0.0, 0.0))
+        facade(shell, shifted, levels, draw, front=side in (0, 2, inner))
+        shell.trim(shifted.front(0.0, wall.width_m, -FOUNDATION_M, 0.0, 0.02))
 
 
-def _ceiling(out: MeshBuilder, m: _Measures) -> None:
+def _ceiling(shell: Shell, m: _Measures) -> None:
     """Underside of the storeys above the street, its beams and lamps."""
     x0, x1 = m.open_m
     z = PASSAGE_M - SLAB_M
     slab = box_quads([x0, 0.02, z], [x1, m.depth_m - 0.02, PASSAGE_M + 0.05], bottom=True)
-    out.quads(slab, material=Material.CONCRETE_PANEL, tag=Tag.BUILDING, colour=(214, 212, 206))
+    shell.faces(slab, Material.CONCRETE_PANEL, (214, 212, 206))
     rows = np.arange(0.5 * BEAM_STEP_M, m.depth_m - 1.0, BEAM_STEP_M)
     low = np.column_stack([np.full(len(rows), x0), rows - 0.5 * BEAM_WIDTH_M, np.full(len(rows), z - BEAM_M)])
     high = np.column_stack([np.full(len(rows), x1), rows + 0.5 * BEAM_WIDTH_M, np.full(len(rows), z + 0.02)])
     beams = box_quads(low, high, bottom=True)
-    out.quads(beams, material=Material.CONCRETE, tag=Tag.BUILDING, colour=(198, 196, 190))
+    shell.faces(beams, Material.CONCRETE, (198, 196, 190))
     half = np.array([0.5 * TUBE_M, 0.1])
     tubes = _tubes(m)
     low = np.column_stack([tubes - half, np.full(len(tubes), z - 0.08)])
     high = np.column_stack([tubes + half, np.full(len(tubes), z)])
-    out.quads(box_quads(low, high, bottom=True), material=Material.LAMP_WHITE, tag=Tag.STATIC)
+    shell.out.quads(box_quads(low, high, bottom=True), material=Material.LAMP_WHITE, tag=Tag.STATIC)
 
 
 def _tubes(m: _Measures) -> Array:

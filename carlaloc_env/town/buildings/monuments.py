@@ -45,19 +45,11 @@ def fountain() -> Mesh:
     stone = Look(Material.CONCRETE, Tag.STATIC, (250, 244, 228))
     water = Look(Material.WATER, Tag.WATER)
     basin = [(4.2, -0.4), (4.2, 0.55), (4.05, 0.62), (3.85, 0.62), (3.75, 0.5), (3.75, 0.15), (0.1, 0.15)]
-    stem = [
-        (0.9, 0.1),
-        (0.5, 0.5),
-        (0.32, 1.4),
-        (0.4, 1.8),
-        (1.75, 2.15),
-        (1.8, 2.3),
-        (1.65, 2.25),
-        (0.25, 2.0),
-    ]
+    stem = [(0.9, 0.1), (0.5, 0.5), (0.32, 1.4), (0.4, 1.8)]
+    lower = [(1.75, 2.15), (1.8, 2.3), (1.65, 2.25), (0.25, 2.0)]
     upper = [(0.3, 2.0), (0.18, 2.6), (0.22, 3.2), (0.95, 3.45), (1.0, 3.55), (0.9, 3.5), (0.12, 3.35)]
     tip = [(0.14, 3.3), (0.1, 3.8), (0.2, 3.95), (0.16, 4.1), (0.02, 4.2)]
     pools = [
         lathe(water, [(r, z - 0.02), (r - 0.02, z), (0.05, z)], 28) for r, z in ((3.8, 0.42), (1.6, 2.2))
     ]
-    return merge([*(lathe(stone, line, 28) for line in (basin, stem, upper, tip)), *pools])
+    return merge([*(lathe(stone, line, 28) for line in (basin, stem + lower, upper, tip)), *pools])

@@ -7,20 +7,16 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.appearance import Appearance, trim_faces, wall_faces
+from carlaloc_env.town.buildings.appearance import Shell
 from carlaloc_env.town.buildings.walls import Wall
-from carlaloc_env.town.meshing.atlas_uv import cell_uv
-from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
 GARAGE_DOOR = 3
 """The door picture that is a garage's; those before it are for people."""
 
 
 def street_storey(
-    out: MeshBuilder,
+    shell: Shell,
     wall: Wall,
-    appearance: Appearance,
     centre: Array,
     pitch: float,
     z0: float,
@@ -28,7 +24,7 @@ def street_storey(
     rng: np.random.Generator,
 ) -> None:
     """Ground floor of glass between piers: shops with sign bands and awnings, or a lobby."""
-    shop = appearance.style.ground == "shop"
+    shop = shell.look.style.ground == "shop"
     group = max(1, round((4.2 if shop else 3.2) / pitch))
     edges = np.append(np.arange(0, len(centre), group), len(centre)) * pitch + 0.4
     pier = 0.28
@@ -38,30 +34,31 @@ def street_storey(
     door = int(rng.integers(0, len(a0)))
     low = np.full(len(a0), riser)
     low[door] = z0
-    wall_faces(out, appearance, wall.front(0.0, wall.width_m, head, z1))
+    shell.wall(wall.front(0.0, wall.width_m, head, z1))
     ends0, ends1 = np.append(0.0, a1), np.append(a0, wall.width_m)
-    wall_faces(out, appearance, wall.front(ends0, ends1, z0, head))
+    shell.wall(wall.front(ends0, ends1, z0, head))
     others = np.arange(len(a0)) != door
-    trim_faces(out, appearance, wall.front(a0[others], a1[others], z0, riser))
-    wall_faces(out, appearance, wall.front(0.0, wall.width_m, z0, z1, -recess - 0.05))
-    trim_faces(out, appearance, wall.reveal(a0, a1, low, head, recess))
+    shell.trim(wall.front(a0[others], a1[others], z0, riser))
+    shell.wall(wall.front(0.0, wall.width_m, z0, z1, -recess - 0.05))
+    shell.trim(wall.reveal(a0, a1, low, head, recess))
     pane = wall.front(a0[others], a1[others], riser, head, -recess)
     pick = rng.integers(0, 1 << 16, int(others.sum()))
     if shop:
-        for material, own in ((Material.SHOP_FRONT, pick % 2 == 0), (Material.SHOP_FRONT_B, pick % 2 == 1)):
-            uv = cell_uv(material, pick[own] // 2)
-            out.quads(pane[own], material=material, tag=Tag.BUILDING, uv_m=uv)
+        for material, rows in (
+            (Material.SHOP_FRONT, pick % 2 == 0),
+            (Material.SHOP_FRONT_B, pick % 2 == 1),
+        ):
+            shell.pictures(pane[rows], material, pick[rows] // 2)
     else:
-        out.quads(pane, material=Material.CURTAIN_WALL, tag=Tag.BUILDING)
-    _door_bay(out, wall, appearance, float(a0[door]), float(a1[door]), z0, head, recess, rng)
+        shell.faces(pane, Material.CURTAIN_WALL)
+    _door_bay(shell, wall, float(a0[door]), float(a1[door]), z0, head, recess, rng)
     if shop:
-        _shop_signs(out, wall, appearance, a0, a1, head, rng)
+        _shop_signs(shell, wall, a0, a1, head, rng)
 
 
 def _door_bay(
-    out: MeshBuilder,
+    shell: Shell,
     wall: Wall,
-    appearance: Appearance,
     a0: float,
     a1: float,
     z0: float,
@@ -72,12 +69,7 @@ def _door_bay(
     middle, half = (a0 + a1) / 2, min(0.55, (a1 - a0) / 2 - 0.05)
     top = min(z0 + 2.25, head)
     door = wall.front(middle - half, middle + half, z0, top, -recess)
-    out.quads(
-        door,
-        material=Material.DOOR,
-        tag=Tag.BUILDING,
-        uv_m=cell_uv(Material.DOOR, rng.integers(0, GARAGE_DOOR, 1)),
-    )
+    shell.pictures(door, Material.DOOR, rng.integers(0, GARAGE_DOOR, 1))
     sides = wall.front(
         np.array([a0, middle + half, middle - half]),
         np.array([middle - half, a1, middle + half]),
@@ -85,35 +77,24 @@ def _door_bay(
         np.array([head, head, head]),
         -recess,
     )
-    out.quads(
-        sides,
-        material=Material.WINDOW,
-        tag=Tag.BUILDING,
-        uv_m=cell_uv(Material.WINDOW, rng.integers(0, 1 << 16, 3)),
-    )
-    trim_faces(
-        out,
-        appearance,
-        wall.box(middle - half - 0.08, middle + half + 0.08, top, top + 0.1, -recess + 0.1, -recess),
-    )
+    shell.pictures(sides, Material.WINDOW, rng.integers(0, 1 << 16, 3))
+    shell.trim(wall.box(middle - half - 0.08, middle + half + 0.08, top, top + 0.1, -recess + 0.1, -recess))
 
 
 def _shop_signs(
-    out: MeshBuilder,
+    shell: Shell,
     wall: Wall,
-    appearance: Appearance,
     a0: Array,
     a1: Array,
     head: float,
     rng: np.random.Generator,
 ) -> None:
     band = wall.box(a0, a1, head + 0.08, head + 0.78, 0.12)
-    out.quads(band, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=appearance.sign)
+    shell.faces(band, Material.METAL_PAINTED, shell.look.sign)
     plate = wall.front(a0 + 0.08, a1 - 0.08, head + 0.14, head + 0.72, 0.13)
     pick = rng.integers(0, 1 << 16, len(a0))
-    uv = cell_uv(Material.SHOP_SIGN, pick)
-    out.quads(plate, material=Material.SHOP_SIGN, tag=Tag.BUILDING, uv_m=uv)
-    _blades(out, wall, appearance, a1[pick % 3 == 0] - 0.1, head, pick[pick % 3 == 0])
+    shell.pictures(plate, Material.SHOP_SIGN, pick)
+    _blades(shell, wall, a1[pick % 3 == 0] - 0.1, head, pick[pick % 3 == 0])
     awned = rng.random(len(a0)) < 0.45
     if awned.any():
         left, right = a0[awned], a1[awned]
@@ -129,25 +110,17 @@ def _shop_signs(
         )
         valance = wall.front(left, right, low - 0.2, low, depth)
         both = np.concatenate([slope, slope[:, ::-1], valance, valance[:, ::-1]])
-        out.quads(
-            both,
-            material=Material.CLOTH,
-            tag=Tag.BUILDING,
-            colour=tuple(max(1, c - 20) for c in appearance.sign),
-        )
+        shell.faces(both, Material.CLOTH, tuple(max(1, c - 20) for c in shell.look.sign))
 
 
-def _blades(
-    out: MeshBuilder, wall: Wall, appearance: Appearance, a: Array, head: float, pick: NDArray[np.int64]
-) -> None:
+def _blades(shell: Shell, wall: Wall, a: Array, head: float, pick: NDArray[np.int64]) -> None:
     """Small signs that stand out of the wall, readable along the sidewalk from both sides."""
     if not len(a):
         return
     low, high = head + 0.95, head + 1.65
     arm = wall.box(a - 0.02, a + 0.02, high + 0.02, high + 0.06, 0.85)
-    out.quads(arm, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=(30, 30, 32))
+    shell.faces(arm, Material.METAL_PAINTED, (30, 30, 32))
     left = wall.left_side(a - 0.03, 0.15, 0.85, low, high)
     right = wall.right_side(a + 0.03, 0.15, 0.85, low, high)
-    uv = cell_uv(Material.POSTER, pick, aspect=1.4)
-    out.quads(left, material=Material.POSTER, tag=Tag.BUILDING, uv_m=uv)
-    out.quads(right, material=Material.POSTER, tag=Tag.BUILDING, uv_m=uv)
+    for side in (left, right):
+        shell.pictures(side, Material.POSTER, pick, aspect=1.4)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import shapely
 
@@ -15,7 +13,7 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.buildings.walls import around
-from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.ground.terrain import Terrain, Zones
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
@@ -40,7 +38,7 @@ _TREES = ("park", "plane", "conifer")
 
 def add_skyline(
     bounds: Area,
-    zones: Sequence[tuple[str, Area]],
+    zones: Zones,
     ground: Terrain,
     seed: int,
     ids: InstanceIds,
@@ -87,7 +85,7 @@ def _places(bounds: Area, draw: np.random.Generator) -> tuple[Array, Array]:
     return grid[keep], distance[keep]
 
 
-def _nearest(zones: Sequence[tuple[str, Area]], point: Array) -> str:
+def _nearest(zones: Zones, point: Array) -> str:
     at = shapely.Point(*point)
     return min(zones, key=lambda zone: float(shapely.distance(zone[1], at)))[0]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,10 @@ class Wall:
     """Unit vector along a, horizontal, shape (3,)."""
     width_m: float
     """Length of the wall [m]."""
+
+    def moved(self, shift_m: tuple[float, float, float]) -> Wall:
+        """The same wall somewhere else."""
+        return replace(self, origin_m=self.origin_m + np.array(shift_m))
 
     def points(self, a: ArrayLike, b: ArrayLike, z: ArrayLike) -> Array:
         """Points [m] of wall coordinates, shape (..., 3)."""
@@ -100,15 +104,7 @@ def _table(*faces: str) -> NDArray[np.int64]:
 _OUTER, _TOP, _BOTTOM = _table("010 110 111 011"), _table("001 011 111 101"), _table("000 100 110 010")
 _FRONT, _LEFT, _RIGHT = _table("000 100 101 001"), _table("000 010 011 001"), _table("110 100 101 111")
 _BOX = np.concatenate([_OUTER, _LEFT, _RIGHT, _TOP, _BOTTOM], axis=1)
-_REVEAL = np.concatenate(
-    [
-        _table("010 000 001 011"),
-        _table("100 110 111 101"),
-        _table("000 010 110 100"),
-        _table("001 101 111 011"),
-    ],
-    axis=1,
-)
+_REVEAL = _table("010 000 001 011", "100 110 111 101", "000 010 110 100", "001 101 111 011")
 
 
 def around(width_m: float, depth_m: float, base_m: float = 0.0) -> list[Wall]:

@@ -1,1 +1,1 @@
-"""What is wrong with a map, by element and line."""
+"""Faults of a map, by element and line."""

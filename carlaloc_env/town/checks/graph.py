@@ -24,7 +24,7 @@ LINK_BOUNDS = (
     ("slope", "", 0.01, np.inf),
     ("curvature", "1/m", 0.01, np.inf),
 )
-"""What is compared where one lane follows another: name, unit, bound of a warning, of an error, which
+"""Values compared where one lane follows another: name, unit, bound of a warning, of an error, which
 no car drives over."""
 
 
@@ -91,24 +91,12 @@ def reciprocity_problems(xodr: OpenDrive) -> list[Row]:
             section = through.sections[0 if connection.contact == "start" else -1]
             for start, to in connection.lane_links:
                 lane = section.lane(to)
-                back = (
-                    ()
-                    if lane is None
-                    else lane.predecessors
-                    if connection.contact == "start"
-                    else lane.successors
-                )
-                if lane is not None and start not in back and lane.type in DRIVABLE_TYPES:
+                if lane is None or lane.type not in DRIVABLE_TYPES:
+                    continue
+                if start not in (lane.predecessors if connection.contact == "start" else lane.successors):
                     message = f"lane link {start} → {to}: lane {to} of road {through.id} does not link back"
-                    rows.append(
-                        (
-                            "warning",
-                            "connection",
-                            f"{connection.id} of junction {junction.id}",
-                            connection.line,
-                            message,
-                        )
-                    )
+                    label = f"{connection.id} of junction {junction.id}"
+                    rows.append(("warning", "connection", label, connection.line, message))
     return rows
 
 
@@ -116,19 +104,15 @@ def _section_links(road: Road) -> list[Row]:
     """Links between two sections of a road that one of the two lanes does not state."""
     rows: list[Row] = []
     for before, after in itertools.pairwise(road.sections):
-        forth = {
-            (lane.id, n) for lane in before.lanes if lane.type in DRIVABLE_TYPES for n in lane.successors
-        }
-        back = {
-            (n, lane.id) for lane in after.lanes if lane.type in DRIVABLE_TYPES for n in lane.predecessors
-        }
+        ours, theirs = ([k for k in s.lanes if k.type in DRIVABLE_TYPES] for s in (before, after))
+        forth = {(lane.id, n) for lane in ours for n in lane.successors}
+        back = {(n, lane.id) for lane in theirs for n in lane.predecessors}
         for a, b in sorted(forth ^ back):
             silent = after.lane(b) if (a, b) in forth else before.lane(a)
             if silent is not None and silent.type in DRIVABLE_TYPES:
                 other = a if (a, b) in forth else b
-                message = (
-                    f"does not link back to lane {other} of the section {'before' if other == a else 'after'}"
-                )
+                side = "before" if other == a else "after"
+                message = f"does not link back to lane {other} of the section {side}"
                 rows.append(("warning", "lane", f"{silent.id} of road {road.id}", silent.line, message))
     return rows
 
@@ -146,9 +130,8 @@ def graph_problems(network: LaneNetwork) -> list[Row]:
     driving = [lane for lane in network.lanes if lane.type == "driving"]
     if not driving:
         types = ", ".join(sorted({lane.type for lane in network.lanes})[:8])
-        rows.append(
-            ("error", "OpenDRIVE", "", 1, f"no lane is of type driving, so no car can drive ({types})")
-        )
+        message = f"no lane is of type driving, so no car can drive ({types})"
+        rows.append(("error", "OpenDRIVE", "", 1, message))
     for lane in driving:
         label, line = _label(network, lane.index), _line(network, lane.index)
         ends = network.width_m([lane.index, lane.index], [0.0, lane.length_m])
@@ -157,9 +140,8 @@ def graph_problems(network: LaneNetwork) -> list[Row]:
             rows.append(("warning", "lane", label, line, "is a dead end: no lane follows"))
         if not lane.predecessors and not (ends[0] < 0.5 and beside):
             rows.append(("warning", "lane", label, line, "cannot be entered: no lane leads to it"))
-        if lane.length_m > 0.1 and (
-            (ends[0] < 1e-3 and lane.predecessors) or (ends[1] < 1e-3 and lane.successors)
-        ):
+        shut = (ends[0] < 1e-3 and lane.predecessors) or (ends[1] < 1e-3 and lane.successors)
+        if lane.length_m > 0.1 and shut:
             rows.append(("warning", "lane", label, line, "is linked at an end where it has no width"))
     apart = _unreachable(network)
     if apart:

@@ -1,4 +1,4 @@
-"""Tells what is wrong with a map, and what it holds."""
+"""The report on a map: its contents and its faults."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.core.geometry.geodesy import GeoReference
 from carlaloc_env.core.geometry.map_projection import ProjectedReference
 from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
-from carlaloc_env.town.checks.problem import Problem, Row
+from carlaloc_env.town.checks.problem import Problem
 from carlaloc_env.town.checks.roads import (
     clearance_problems,
     passage_problems,
@@ -32,14 +32,14 @@ from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
 
 CSV_SUFFIXES = (".csv",)
-"""What tables may be called."""
+"""Suffixes of tables."""
 _NUMBER = re.compile(r"[-+]?\d[\w.+-]*")
 """Numbers and ids in messages."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapReport:
-    """What a map holds and what is wrong with it."""
+    """The contents of a map and its faults."""
 
     source: str
     revision: str
@@ -86,24 +86,18 @@ def check_map(path: Path) -> MapReport:
 
 def report(xodr: OpenDrive, network: LaneNetwork) -> MapReport:
     """The report of a map that is read already; problems in the order of the file."""
-    found = [
-        *(
-            Problem(severity=n.severity, element=n.element, id=n.id, line=n.line, message=n.message)
-            for n in xodr.notes
-        ),
-        *(
-            Problem(severity=b.severity, element=b.element, id=b.id, line=b.line, message=b.message)
-            for b in network.broken_links
-        ),
-        *_problems(road_problems(xodr, network)),
-        *_problems(plan_view_problems(xodr, network)),
-        *_problems(clearance_problems(network)),
-        *_problems(passage_problems(network)),
-        *_problems(link_problems(network)),
-        *_problems(reciprocity_problems(xodr)),
-        *_problems(graph_problems(network)),
-        *_problems(signal_problems(xodr, network)),
+    rows = [
+        *road_problems(xodr, network),
+        *plan_view_problems(xodr, network),
+        *clearance_problems(network),
+        *passage_problems(network),
+        *link_problems(network),
+        *reciprocity_problems(xodr),
+        *graph_problems(network),
+        *signal_problems(xodr, network),
     ]
+    checked = [Problem(severity=s, element=e, id=i, line=n, message=m) for s, e, i, n, m in rows]
+    found = [*xodr.notes, *network.broken_links, *checked]
     driving = np.array([lane.type == "driving" for lane in network.lanes])
     inside = np.array([lane.junction_id is not None for lane in network.lanes])
     length = network.tables.length_m
@@ -150,10 +144,6 @@ def _origin(geo: GeoReference | None) -> dict[str, float]:
         "height_m": geo.height_m,
         "azimuth_deg": math.degrees(azimuth),
     }
-
-
-def _problems(rows: Sequence[Row]) -> list[Problem]:
-    return [Problem(severity=s, element=e, id=i, line=n, message=m) for s, e, i, n, m in rows]
 
 
 def write_waypoints_csv(network: LaneNetwork, step_m: float, path: Path, *, overwrite: bool = False) -> int:

@@ -63,27 +63,20 @@ def _section_problems(road: Road) -> list[Row]:
             for mark in lane.road_marks:
                 if mark.s_offset_m > section.end_m - section.s_m:
                     message = f"sOffset={mark.s_offset_m:g} lies beyond the section, so it is not drawn"
-                    rows.append(
-                        ("warning", "roadMark", f"of lane {lane.id} of road {road.id}", lane.line, message)
-                    )
+                    label = f"of lane {lane.id} of road {road.id}"
+                    rows.append(("warning", "roadMark", label, lane.line, message))
             if lane.id != 0 and not lane.widths and not lane.borders:
                 rows.append(("error", "lane", f"{lane.id} of road {road.id}", lane.line, "has no width"))
     return rows
 
 
 def _furniture_problems(road: Road) -> list[Row]:
-    rows: list[Row] = []
-    for signal in road.signals:
-        if not -0.01 <= signal.s_m <= road.length_m + 0.01:
-            rows.append(
-                ("warning", "signal", signal.id, signal.line, f"s={signal.s_m:g} lies beyond road {road.id}")
-            )
-    for item in road.objects:
-        if not -0.01 <= item.s_m <= road.length_m + 0.01:
-            rows.append(
-                ("warning", "object", item.id, item.line, f"s={item.s_m:g} lies beyond road {road.id}")
-            )
-    return rows
+    return [
+        ("warning", kind, item.id, item.line, f"s={item.s_m:g} lies beyond road {road.id}")
+        for kind, items in (("signal", road.signals), ("object", road.objects))
+        for item in items
+        if not -0.01 <= item.s_m <= road.length_m + 0.01
+    ]
 
 
 def _lane_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
@@ -104,9 +97,8 @@ def _lane_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
             message = f"its radius falls to {1.0 / bend[lane.index]:.2f} m; cars need {MIN_RADIUS_M:g} m"
             rows.append(("warning", "lane", label, line, message))
         if steep[lane.index] > GRADE:
-            rows.append(
-                ("warning", "lane", label, line, f"its grade reaches {100.0 * steep[lane.index]:.1f} %")
-            )
+            message = f"its grade reaches {100.0 * steep[lane.index]:.1f} %"
+            rows.append(("warning", "lane", label, line, message))
     return rows
 
 
@@ -120,19 +112,12 @@ def plan_view_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
             s = np.array([g.s_m + g.length_m, following.s_m])
             # Just before the joint the earlier piece answers; the later one has its own start.
             inner = min(g.s_m + g.length_m, following.s_m)
-            before = network.surface.plan_view.evaluate(
-                np.array([n]), np.array([np.nextafter(inner, -np.inf)])
-            )
+            at = np.array([np.nextafter(inner, -np.inf)])
+            before = network.surface.plan_view.evaluate(np.array([n]), at)
             if abs(s[1] - s[0]) > 1e-6:
-                rows.append(
-                    (
-                        "error" if abs(s[1] - s[0]) > GAP_ERROR_M else "warning",
-                        "geometry",
-                        label,
-                        following.line,
-                        f"s={s[1]:.9g}, the piece before ends at {s[0]:.9g}",
-                    )
-                )
+                severity: Severity = "error" if abs(s[1] - s[0]) > GAP_ERROR_M else "warning"
+                message = f"s={s[1]:.9g}, the piece before ends at {s[0]:.9g}"
+                rows.append((severity, "geometry", label, following.line, message))
             gap = float(np.hypot(following.x_m - before.x_m[0], following.y_m - before.y_m[0]))
             turn = float(abs(wrap_angle(following.heading_rad - before.heading_rad[0])))
             if gap > GAP_M or turn > HEADING_RAD:
@@ -156,15 +141,8 @@ def _nan_in_carla(road: Road) -> list[Row]:
     for k, g in enumerate(road.geometry):
         label = f"{k} of road {road.id}"
         if g.kind == "arc" and g.curvature_start_radpm == 0.0:
-            rows.append(
-                (
-                    "warning",
-                    "arc",
-                    label,
-                    g.line,
-                    "has no curvature, which CARLA turns into NaN; write a line",
-                )
-            )
+            message = "has no curvature, which CARLA turns into NaN; write a line"
+            rows.append(("warning", "arc", label, g.line, message))
         if g.kind == "spiral" and abs(g.curvature_start_radpm - g.curvature_end_radpm) < 1e-9:
             message = "has equal curvatures, which CARLA turns into NaN; write an arc or a line"
             rows.append(("warning", "spiral", label, g.line, message))
@@ -207,18 +185,12 @@ def clearance_problems(network: LaneNetwork) -> list[Row]:
         pair = (int(min(road[a], road[other[a, k]])), int(max(road[a], road[other[a, k]])))
         if pair not in linked:
             found[pair] = min(found.get(pair, np.inf), float(rise[a, k]))
-    roads = network.xodr.roads
-    return [
-        (
-            "warning",
-            "road",
-            roads[a].id,
-            roads[a].line,
-            f"crosses road {roads[b].id} with {rise_m:.2f} m between them; "
-            f"leave {CLEARANCE_M:g} m or join them in a junction",
-        )
-        for (a, b), rise_m in sorted(found.items())
-    ]
+    roads, advice = network.xodr.roads, f"leave {CLEARANCE_M:g} m or join them in a junction"
+    messages = {
+        pair: f"crosses road {roads[pair[1]].id} with {rise_m:.2f} m between them; {advice}"
+        for pair, rise_m in sorted(found.items())
+    }
+    return [("warning", "road", roads[a].id, roads[a].line, text) for (a, _), text in messages.items()]
 
 
 def passage_problems(network: LaneNetwork) -> list[Row]:

@@ -42,9 +42,8 @@ def _head_problems(network: LaneNetwork, lines: dict[str, int]) -> list[Row]:
     group_of: dict[int, set[str]] = {}
     for head in network.signals:
         if not head.lanes:
-            rows.append(
-                ("warning", "signal", head.id, lines[head.id], "is a traffic light that no lane obeys")
-            )
+            message = "is a traffic light that no lane obeys"
+            rows.append(("warning", "signal", head.id, lines[head.id], message))
         elif head.controller_id is None:
             rows.append(("warning", "signal", head.id, lines[head.id], "is a traffic light in no controller"))
         for lane in head.lanes:
@@ -58,13 +57,6 @@ def _head_problems(network: LaneNetwork, lines: dict[str, int]) -> list[Row]:
                 rows.append(("error", "signal", head.id, lines[head.id], message))
     for sign in network.static_signs:
         if sign.kind in ("stop", "yield") and not sign.lanes:
-            rows.append(
-                (
-                    "warning",
-                    "signal",
-                    sign.id,
-                    lines.get(sign.id, 0),
-                    f"is a {sign.kind} sign that no lane obeys",
-                )
-            )
+            message = f"is a {sign.kind} sign that no lane obeys"
+            rows.append(("warning", "signal", sign.id, lines.get(sign.id, 0), message))
     return rows

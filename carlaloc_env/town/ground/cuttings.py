@@ -39,10 +39,10 @@ def _stretch(graph: RoadGraph, state: States, rows: slice, grid: GroundGrid, cro
     left, right, s = graph.left_m[rows], graph.right_m[rows], graph.s_m[rows]
     # The ends of a cut are where the road is on the ground again; it may go on over the next road.
     ease = np.ones(len(s))
-    for end, way in ((rows.start, s - s[0]), (rows.stop - 1, s[-1] - s)):
+    for end, from_end_m in ((rows.start, s - s[0]), (rows.stop - 1, s[-1] - s)):
         beyond = [n for n in graph.neighbours(end) if not rows.start <= n < rows.stop]
         if not any(state[n] == State.SUNKEN for n in beyond):
-            ease = np.minimum(ease, np.clip(way / _EASE_M, 0.0, 1.0))
+            ease = np.minimum(ease, np.clip(from_end_m / _EASE_M, 0.0, 1.0))
     tops = []
     for edge in (left, right):
         top = edge.copy()

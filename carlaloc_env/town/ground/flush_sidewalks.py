@@ -1,6 +1,6 @@
 """Sidewalks and medians that the lanes of another road run across lie flush with them there.
 
-Maps that nobody drew by hand let roads run into each other, and kerbs must not stand in their lanes.
+Generated maps let roads run into each other, and kerbs must not stand in their lanes.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.town.ground.height_fields import interpolated
 from carlaloc_env.town.ground.lane_strips import SAMPLE_M, Strip
 from carlaloc_env.town.meshing.polygons import Area, strip_polygon
 
@@ -56,11 +56,11 @@ def _driven(strip: Strip) -> list[Area]:
 
 
 def _crossing(strips: Sequence[Strip], strip: Strip, walk: int, near: Sequence[tuple[int, Area]]) -> Area:
-    """What driving lanes at the same level take of a sidewalk; None for nothing."""
-    own = strip_polygon(*strip.lane_edges(walk))
+    """Part of a sidewalk that driving lanes at the same level cross; None for nothing."""
+    walk_area = strip_polygon(*strip.lane_edges(walk))
     taken = []
     for other, lane in near:
-        part = shapely.intersection(own, lane)
+        part = shapely.intersection(walk_area, lane)
         if part.area > _LEAST_M2 and _level_with(strip, strips[other], part):
             taken.append(part)
     return shapely.union_all(taken) if taken else None
@@ -79,7 +79,7 @@ def _level_with(a: Strip, b: Strip, part: Area) -> bool:
 def _lowered(strip: Strip, walk: int, crossing: Area) -> Strip:
     """The strip with one lane lowered wherever it lies under lanes, with slopes at both ends."""
     dense = np.linspace(strip.s_m[0], strip.s_m[-1], int(np.ceil(np.ptp(strip.s_m) / SAMPLE_M)) + 1)
-    left, right = (_at(dense, strip.s_m, edge) for edge in strip.lane_edges(walk))
+    left, right = (interpolated(dense, strip.s_m, edge) for edge in strip.lane_edges(walk))
     across = shapely.linestrings(np.stack([left[:, :2], right[:, :2]], axis=1))
     under = shapely.intersects(across, shapely.buffer(crossing, _INSIDE_M + SAMPLE_M))
     if not under.any():
@@ -88,7 +88,7 @@ def _lowered(strip: Strip, walk: int, crossing: Area) -> Strip:
     share = np.clip(gap / FLARE_M, 0.0, 1.0)
     kept = (gap < FLARE_M + 2 * SAMPLE_M) | (np.arange(len(dense)) % round(2.0 / SAMPLE_M) == 0)
     s = np.unique(np.concatenate([strip.s_m, dense[kept]]))
-    raised = _at(s, strip.s_m, np.moveaxis(strip.raised_m, -1, 0).reshape(len(strip.s_m), -1))
+    raised = interpolated(s, strip.s_m, np.moveaxis(strip.raised_m, -1, 0).reshape(len(strip.s_m), -1))
     raised = np.moveaxis(raised.reshape(len(s), *strip.raised_m.shape[:2]), 0, -1).copy()
     down = np.interp(s, dense, share)
     raised[walk] = (raised[walk] + BELOW_M) * down - BELOW_M
@@ -96,11 +96,6 @@ def _lowered(strip: Strip, walk: int, crossing: Area) -> Strip:
         strip,
         s_m=s,
         t_m=np.stack([np.interp(s, strip.s_m, row) for row in strip.t_m]),
-        edges_m=np.stack([_at(s, strip.s_m, edge) for edge in strip.edges_m]),
+        edges_m=np.stack([interpolated(s, strip.s_m, edge) for edge in strip.edges_m]),
         raised_m=raised,
     )
-
-
-def _at(s: Array, s_m: Array, rows: Array) -> Array:
-    """Rows (N, K) at other stations."""
-    return np.stack([np.interp(s, s_m, rows[:, k]) for k in range(rows.shape[1])], axis=-1)

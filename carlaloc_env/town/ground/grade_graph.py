@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from carlaloc_env.core.array_types import Array, Index, Mask
+from carlaloc_env.town.ground.height_fields import interpolated
 from carlaloc_env.town.ground.lane_strips import PAVED, Strip
 from carlaloc_env.town.meshing.polygons import Area, polygons_of, strip_polygon
 
@@ -74,12 +75,12 @@ class RoadGraph:
 
     def component(self, mask: Mask, row: int) -> Mask:
         """Rows that can be reached from one row over rows that hold `mask`, (M,)."""
-        own = np.flatnonzero(mask)
-        _, label = connected_components(self._links[own][:, own], directed=False)
+        members = np.flatnonzero(mask)
+        _, label = connected_components(self._links[members][:, members], directed=False)
         result = np.zeros(len(mask), dtype=bool)
-        place = np.searchsorted(own, row)
-        if place < len(own) and own[place] == row:
-            result[own[label == label[place]]] = True
+        place = np.searchsorted(members, row)
+        if place < len(members) and members[place] == row:
+            result[members[label == label[place]]] = True
         return result
 
     def leads_out(self, mask: Mask) -> bool:
@@ -164,8 +165,7 @@ def outer_lines(strip: Strip) -> tuple[Array, Array, Array] | None:
         return None
     s = np.linspace(strip.s_m[0], strip.s_m[-1], max(2, int(np.ptp(strip.s_m) / _STEP_M) + 2))
     edges = strip.lane_edges(span[0])[0], strip.lane_edges(span[1] - 1)[1]
-    left, right = (np.stack([np.interp(s, strip.s_m, e[:, k]) for k in range(3)], -1) for e in edges)
-    return s, left, right
+    return s, interpolated(s, strip.s_m, edges[0]), interpolated(s, strip.s_m, edges[1])
 
 
 def runs(mask: Mask) -> list[tuple[int, int]]:

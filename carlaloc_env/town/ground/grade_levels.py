@@ -27,7 +27,7 @@ LANDING_M = 1.5
 
 
 class State(IntEnum):
-    """What is below or beside a sample of a road."""
+    """The ground below or beside a sample of a road."""
 
     GROUND = 0
     """It lies on the ground."""
@@ -64,7 +64,7 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Levels:
-    """What leaves the ground in a town."""
+    """Roads of a town that leave the ground, and its waters."""
 
     graph: RoadGraph
     """Samples of all roads."""
@@ -88,7 +88,7 @@ class Levels:
         return strips_area(self.graph, (self.state == State.OPEN) & (self.lift_m < LANDING_M))
 
     def overhead(self) -> dict[int, Area]:
-        """What of each strip outside junctions stands above the ground, by the strip's number."""
+        """Part of each strip outside junctions that stands above the ground, by the strip's number."""
         graph = self.graph
         up = np.isin(self.state, (State.OPEN, State.FILLED)) & ~graph.junction
         return {int(k): strips_area(graph, up & (graph.strip == k)) for k in np.unique(graph.strip[up])}
@@ -114,8 +114,8 @@ class Levels:
         rows = self.graph.rows(strip)
         parts = []
         for a, b in runs(self.state[rows] == state):
-            own = slice(rows.start + a, rows.start + b)
-            parts += [self.graph.left_m[own], self.graph.right_m[own]]
+            part = slice(rows.start + a, rows.start + b)
+            parts += [self.graph.left_m[part], self.graph.right_m[part]]
         return parts
 
 
@@ -146,7 +146,7 @@ def strips_area(graph: RoadGraph, mask: Mask) -> Area:
     for strip in np.unique(graph.strip[mask]):
         rows = graph.rows(int(strip))
         for a, b in runs(mask[rows]):
-            own = slice(rows.start + a, min(rows.start + b + 1, rows.stop))
-            if own.stop - own.start > 1:
-                parts.append(strip_polygon(graph.left_m[own], graph.right_m[own]))
+            part = slice(rows.start + a, min(rows.start + b + 1, rows.stop))
+            if part.stop - part.start > 1:
+                parts.append(strip_polygon(graph.left_m[part], graph.right_m[part]))
     return areas_only(shapely.union_all(parts)) if parts else shapely.MultiPolygon()

@@ -15,7 +15,7 @@ from carlaloc_env.town.ground.grade_graph import Crossing, RoadGraph, grown, run
 from carlaloc_env.town.ground.grade_levels import Levels, State, States, strips_area
 from carlaloc_env.town.ground.height_fields import GroundGrid
 from carlaloc_env.town.ground.lane_strips import Strip
-from carlaloc_env.town.ground.terrain import BANK_SLOPE
+from carlaloc_env.town.ground.terrain import BANK_SLOPE, Zones
 from carlaloc_env.town.ground.water import Water, water_areas, water_level_m
 from carlaloc_env.town.meshing.polygons import Area, areas_only
 
@@ -38,10 +38,8 @@ SHORT_GAP_M = 9
 _BANK_ZONES = ("rural", "highway", "park")
 
 
-def find_levels(
-    strips: Sequence[Strip], low_m: Array, high_m: Array, zones: Sequence[tuple[str, Area]] = ()
-) -> Levels:
-    """What leaves the ground: from the places where roads cross far above each other, and from the waters.
+def find_levels(strips: Sequence[Strip], low_m: Array, high_m: Array, zones: Zones) -> Levels:
+    """Roads that leave the ground: where they cross far above each other, and over waters.
 
     Args:
         strips: All roads.
@@ -118,15 +116,15 @@ def _followed(graph: RoadGraph, region: Mask, height: Array) -> Mask:
     wide = region.copy()
     front = [(int(row), 0.0) for row in np.flatnonzero(region)]
     while front:
-        row, gone = front.pop()
+        row, way_m = front.pop()
         for other in graph.neighbours(row):
             if wide[other] or graph.junction[other]:
                 continue
             gap = float(np.hypot(*(graph.middle_m[other] - graph.middle_m[row])[:2]))
             falls = height[row] - height[other] > LEVEL_GRADE * gap
-            if (falls or gap < 0.01) and gone + gap < FOLLOW_M:
+            if (falls or gap < 0.01) and way_m + gap < FOLLOW_M:
                 wide[other] = True
-                front.append((int(other), gone + gap))
+                front.append((int(other), way_m + gap))
     return wide
 
 
@@ -165,7 +163,7 @@ def _shrunk(waters: Sequence[Water], graph: RoadGraph, state: States) -> tuple[W
     return tuple(part for part in parts if not part.area.is_empty)
 
 
-def _carried(graph: RoadGraph, high: Mask, lift: Array, zones: Sequence[tuple[str, Area]]) -> States:
+def _carried(graph: RoadGraph, high: Mask, lift: Array, zones: Zones) -> States:
     """State of the raised rows: piers, walls or an embankment."""
     middle = graph.middle_m[high]
     gap = _gap_below(graph, high)
@@ -200,12 +198,12 @@ def _gap_below(graph: RoadGraph, high: Mask) -> Array:
 def _settle(graph: RoadGraph, state: States, lift: Array, strips: Sequence[Strip]) -> None:
     """Close short gaps between open stretches, and give each junction one state."""
     for a, b in zip(graph.first[:-1], graph.first[1:], strict=True):
-        own = state[a:b]
-        filled = own == State.FILLED
+        states = state[a:b]
+        filled = states == State.FILLED
         for i, j in runs(filled):
-            inner = i > 0 and j < len(own) and own[i - 1] == State.OPEN and own[j] == State.OPEN
+            inner = i > 0 and j < len(states) and states[i - 1] == State.OPEN and states[j] == State.OPEN
             if inner and j - i < SHORT_GAP_M:
-                own[i:j] = State.OPEN
+                states[i:j] = State.OPEN
     groups: dict[str, list[int]] = {}
     for number, strip in enumerate(strips):
         if strip.junction_id is not None:

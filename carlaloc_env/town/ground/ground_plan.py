@@ -1,4 +1,4 @@
-"""What a town stands on: its roads as strips and areas, their levels, the ground and the waters."""
+"""The groundwork of a town: its roads as strips and areas, their levels, the ground and the waters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
 from carlaloc_env.town.ground.lane_strips import KERB_M, Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import TownAreas, corner_edges, town_areas
 from carlaloc_env.town.ground.raised_parts import RaisedParts, raised_parts
-from carlaloc_env.town.ground.terrain import MARGIN_M, Terrain, zone_areas
+from carlaloc_env.town.ground.terrain import MARGIN_M, Terrain, Zones, zone_areas
 from carlaloc_env.town.ground.water import Shore, bank_tops, shores
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.polygons import Area
@@ -37,12 +37,12 @@ class Groundwork:
     """Their lane sections as lines of points."""
     bounds: Area
     """The town's near ground: a box round all roads."""
-    zones: list[tuple[str, Area]]
+    zones: Zones
     """Kinds of scenery with their areas."""
     levels: Levels
-    """What leaves the ground."""
+    """Roads that leave the ground."""
     areas: TownAreas
-    """What is paved."""
+    """Everything paved."""
     carried: dict[str, State]
     """Junctions that stand above the ground, with their state."""
     kerb: EdgeField

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.lane_strips import Strip
-from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.ground.terrain import Terrain, Zones
 from carlaloc_env.town.meshing.polygons import Area, polygons_of
 
 CELL_M = 0.5
@@ -60,7 +60,7 @@ class Land:
 
     bounds: Area
     """The near ground."""
-    zones: Sequence[tuple[str, Area]]
+    zones: Zones
     """Kinds of scenery with their areas."""
     ground: Terrain
     """Heights."""
@@ -74,14 +74,6 @@ class Land:
     """The ego's route, None where there is none."""
     seed: int
     """Seed of the town."""
-
-    def zone_of(self, xy_m: Array) -> NDArray[np.str_]:
-        """Kind of zone at each point (N, 2), '' outside all."""
-        found = np.full(len(xy_m), "", dtype="<U16")
-        for kind, area in self.zones:
-            shapely.prepare(area)
-            found[(found == "") & shapely.intersects_xy(area, xy_m[:, 0], xy_m[:, 1])] = kind
-        return found
 
     def on_ground(self, xy_m: Array, rise_m: float = 0.0) -> Array:
         """The points (N, 2) on the ground, shape (N, 3)."""

@@ -31,7 +31,7 @@ UNPAVED = {
     "gravel": "gravel", "dirt": "soil", "soil": "soil", "earth": "soil", "mud": "soil", "sand": "soil",
     "grass": "grass", "unpaved": "gravel",
 }  # fmt: skip
-"""What surfaces named in the map's lane materials are, where no asphalt lies."""
+"""Kinds of unpaved surfaces by the names in the map's lane materials."""
 KERB_M = 0.15
 """Height of sidewalks and medians above the road where the map does not say [m]."""
 CHORD_M = 0.003
@@ -78,7 +78,7 @@ class Strip:
         return (self.lanes[lane].id < 0) != self.left_hand_traffic
 
     def kind(self, lane: int) -> str:
-        """What a lane of the strip is: roadway, sidewalk, median or none."""
+        """Kind of a lane of the strip: roadway, sidewalk, median or none."""
         name = self.lanes[lane].type
         if name in ROADWAY:
             return "roadway"
@@ -90,8 +90,8 @@ class Strip:
         """`gravel`, `soil` or `grass` where no asphalt lies on a lane; empty elsewhere."""
         records = self.lanes[lane].materials
         middle = 0.5 * (self.s_m[0] + self.s_m[-1])
-        own = [record.surface for record in records if record.s_m <= middle + 1e-6]
-        return UNPAVED.get(own[-1], "") if own else ""
+        surfaces = [record.surface for record in records if record.s_m <= middle + 1e-6]
+        return UNPAVED.get(surfaces[-1], "") if surfaces else ""
 
     def lane_edges(self, lane: int, *, top: bool = True) -> tuple[Array, Array]:
         """Left and right edge of a lane [m], (N, 3) each, on its raised top or on the road surface."""
@@ -103,8 +103,8 @@ class Strip:
 
     def span(self, kinds: Sequence[str]) -> tuple[int, int] | None:
         """First and last edge of the lanes of these kinds; None without such lanes."""
-        own = [lane for lane in range(len(self.lanes)) if self.kind(lane) in kinds]
-        return (own[0], own[-1] + 1) if own else None
+        lanes = [lane for lane in range(len(self.lanes)) if self.kind(lane) in kinds]
+        return (lanes[0], lanes[-1] + 1) if lanes else None
 
 
 def road_strips(

@@ -134,9 +134,9 @@ def _plain_areas(
         if number not in above:
             low += lanes
             continue
-        own = above[number]
-        low += [shapely.difference(lane, own) for lane in lanes]
-        high += [shapely.intersection(lane, own) for lane in lanes]
+        overhead = above[number]
+        low += [shapely.difference(lane, overhead) for lane in lanes]
+        high += [shapely.intersection(lane, overhead) for lane in lanes]
     return union(low), union(high)
 
 
@@ -226,19 +226,19 @@ def _corners(
     width_m: float,
 ) -> Area:
     """Sidewalks of a junction, without what is `taken` or belongs to `others`."""
-    own = union(area for strip in group for area in lane_area(strip, ("sidewalk", "median")))
-    parts = [own]
+    walks = union(area for strip in group for area in lane_area(strip, ("sidewalk", "median")))
+    parts = [walks]
     if width_m > 0.3:
         parts.append(shapely.buffer(asphalt, width_m, quad_segs=12))
     wanted = union(parts)
     # Joining the few neighbours that matter spares a union of the whole town for every junction.
     near = [area for area in others if shapely.intersects(area, wanted)]
     area = areas_only(shapely.difference(wanted, shapely.union_all([taken, *near]) if near else taken), 0.3)
-    shapely.prepare(own)
+    shapely.prepare(walks)
     kept = [
         part
         for part in area.geoms
-        if shapely.dwithin(plain_raised, part, 0.15) or shapely.dwithin(own, part, 0.15)
+        if shapely.dwithin(plain_raised, part, 0.15) or shapely.dwithin(walks, part, 0.15)
     ]
     return shapely.MultiPolygon(kept)
 

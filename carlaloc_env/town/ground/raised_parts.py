@@ -1,4 +1,4 @@
-"""What stands above the ground: its areas, the heights of its edges, and what it stands on."""
+"""Roads above the ground: their areas, the heights of their edges, and the floor below them."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def raised_parts(
 
 
 class Floor:
-    """What walls and piers stand on: the ground, or the bed of a water."""
+    """The floor for walls and piers: the ground, or the bed of a water."""
 
     def __init__(self, levels: Levels, ground: Terrain) -> None:
         self._waters = levels.waters

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.ground.grade_levels import Levels, States
-from carlaloc_env.town.ground.height_fields import densify
+from carlaloc_env.town.ground.height_fields import densify, right_of
 from carlaloc_env.town.ground.lane_strips import PAVED, Strip
+from carlaloc_env.town.ground.terrain import Terrain, Zones
 from carlaloc_env.town.lanes.build_lanes import DEFAULT_LIMIT_MPS
 from carlaloc_env.town.opendrive.records import Road
 
@@ -43,6 +44,20 @@ class RoadEdge:
         """Unit vectors along which the traffic beside the edge drives, shape (N, 2)."""
         along = np.stack([-self.right[:, 1], self.right[:, 0]], axis=-1)
         return -along if self.strip.left_hand_traffic else along
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Waysides:
+    """The ground beside the roads of a town."""
+
+    edges: Sequence[RoadEdge]
+    """Edges of all roads outside junctions."""
+    zones: Zones
+    """Kinds of scenery with their areas."""
+    ground: Terrain
+    """Heights of the ground."""
+    seed: int
+    """Seed of the town."""
 
 
 def road_edges(strips: Sequence[Strip], roads: Sequence[Road], levels: Levels) -> list[RoadEdge]:
@@ -84,8 +99,12 @@ def road_limit_mps(road: Road) -> float:
     return min(max(stated), 60.0) if stated else DEFAULT_LIMIT_MPS
 
 
-def right_of(line: Array) -> Array:
-    """Unit vectors (N, 2) to the right of a line in plan."""
-    step = np.gradient(line[:, :2], axis=0)
-    step /= np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
-    return np.stack([step[:, 1], -step[:, 0]], axis=-1)
+def rows_every(step_m: float, line: Array, end: int) -> Index:
+    """Rows of a line (N, 3) with a point about every metre: half a step from its start, then a step apart.
+
+    Args:
+        step_m: Their distance, of which whole metres count [m].
+        line: The line.
+        end: Number of rows at the line's end that stay free.
+    """
+    return np.arange(int(step_m / 2), len(line) - end, int(step_m))

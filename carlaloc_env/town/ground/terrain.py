@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
@@ -74,11 +75,38 @@ class Terrain:
         result: Array = near + (self.grid.height(xy_m) - near) * share
         if self.bank is None:
             return result
-        top, gone = self.bank.nearest(xy_m)
-        return np.maximum(result, top - np.maximum(gone - BANK_SHOULDER_M, 0.0) / BANK_SLOPE)
+        top, distance_to_bank = self.bank.nearest(xy_m)
+        return np.maximum(result, top - np.maximum(distance_to_bank - BANK_SHOULDER_M, 0.0) / BANK_SLOPE)
 
 
-def zone_areas(config: TownConfig, bounds: Area) -> list[tuple[str, Area]]:
+class Zones(tuple[tuple[str, Area], ...]):
+    """Kinds of scenery with their areas, which do not overlap; the default kind comes last."""
+
+    __slots__ = ()
+
+    @property
+    def default(self) -> str:
+        """Kind of the ground in no zone of `town.toml`."""
+        return self[-1][0]
+
+    def kind_at(self, xy_m: Array, outside: str = "") -> str:
+        """Kind at a point (2 or 3,) [m], or `outside` where it lies in no area."""
+        return next((kind for kind, area in self if shapely.intersects_xy(area, xy_m[0], xy_m[1])), outside)
+
+    def kinds_at(self, xy_m: Array) -> NDArray[np.str_]:
+        """Kind at each point (N, 2 or 3) [m]; empty outside all areas."""
+        found = np.full(len(xy_m), "", dtype="<U16")
+        for kind, area in self:
+            shapely.prepare(area)
+            found[(found == "") & shapely.intersects_xy(area, xy_m[:, 0], xy_m[:, 1])] = kind
+        return found
+
+    def area(self, *kinds: str) -> Area:
+        """The areas of some kinds as one."""
+        return shapely.union_all([area for kind, area in self if kind in kinds])
+
+
+def zone_areas(config: TownConfig, bounds: Area) -> Zones:
     """Zone kinds with their areas inside `bounds`, without overlaps; later zones of the file go first."""
     rest, found = bounds, []
     for zone in reversed(config.zones):
@@ -86,14 +114,14 @@ def zone_areas(config: TownConfig, bounds: Area) -> list[tuple[str, Area]]:
         found.append((zone.kind, areas_only(area)))
         rest = shapely.difference(rest, area)
     found.append((config.default_zone, areas_only(rest)))
-    return [(kind, area) for kind, area in found if area.area > 1.0]
+    return Zones((kind, area) for kind, area in found if area.area > 1.0)
 
 
 def add_terrain(
     out: MeshBuilder,
     bounds: Area,
     paved: Area,
-    zones: list[tuple[str, Area]],
+    zones: Zones,
     ground: Terrain,
     seas: Sequence[tuple[Area, float]] = (),
 ) -> None:

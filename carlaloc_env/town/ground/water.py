@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -12,7 +13,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import grown, runs
-from carlaloc_env.town.ground.terrain import LAP_M, Terrain
+from carlaloc_env.town.ground.height_fields import right_of
+from carlaloc_env.town.ground.terrain import LAP_M, Terrain, Zones
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.meshing.polygons import Area, areas_only, polygons_of, rings, triangulate
 
@@ -60,10 +62,9 @@ class Shore:
     """The water below."""
 
 
-def water_areas(zones: Sequence[tuple[str, Area]]) -> list[Area]:
+def water_areas(zones: Zones) -> list[Area]:
     """Connected areas of all zones of water."""
-    joined = shapely.union_all([area for kind, area in zones if kind == "water"])
-    return polygons_of(areas_only(shapely.buffer(joined, 0.0), 20.0))
+    return polygons_of(areas_only(shapely.buffer(zones.area("water"), 0.0), 20.0))
 
 
 def water_level_m(area: Area, ground_m: Array, bridges_m: Array) -> float:
@@ -72,12 +73,11 @@ def water_level_m(area: Area, ground_m: Array, bridges_m: Array) -> float:
     return min(low, float(bridges_m.min()) - BRIDGE_DROP_M) if len(bridges_m) else low
 
 
-def shores(waters: Sequence[Water], zones: Sequence[tuple[str, Area]], paved: Area) -> list[Shore]:
+def shores(waters: Sequence[Water], zones: Zones, paved: Area) -> list[Shore]:
     """Shores of all waters, cut where quays end; a water that goes on outside the town has none there."""
     x0, y0, x1, y1 = shapely.bounds(shapely.MultiPolygon(polygons_of([area for _, area in zones])))
     near = shapely.buffer(paved, QUAY_NEAR_M)
-    urban = shapely.union_all([area for kind, area in zones if kind in _QUAY_ZONES])
-    near = shapely.union(near, shapely.buffer(urban, 2.0))
+    near = shapely.union(near, shapely.buffer(zones.area(*_QUAY_ZONES), 2.0))
     shapely.prepare(near)
     found = []
     for water in waters:
@@ -137,7 +137,7 @@ def add_water(
 
 
 def _quay(out: MeshBuilder, line: Array, level_m: float, ground: Terrain, lined: Area) -> None:
-    outward = _right(line)
+    outward = right_of(line)
     top = np.column_stack([line, ground.height(line) + COPING_M[1]])
     low = top.copy()
     low[:, 2] = level_m - 0.6
@@ -161,28 +161,18 @@ def _railing(out: MeshBuilder, top: Array, outward: Array) -> None:
     foot = top.copy()
     foot[:, :2] += outward * 0.25
     whole = np.arange(len(top) - 1)
-    tint = (28, 32, 34)
+    look: dict[str, Any] = {"material": Material.METAL_PAINTED, "tag": Tag.FENCE, "colour": (28, 32, 34)}
     for height, half in ((RAIL_M, 0.035), (0.7, 0.02), (0.35, 0.02)):
         rail = foot + np.array([0.0, 0.0, height])
         a, b, up = rail[whole], rail[whole + 1], np.array([0.0, 0.0, half])
         side = np.column_stack([outward[whole] * half, np.zeros(len(whole))])
         for p, q in ((side - up, side + up), (-side + up, -side - up), (side + up, -side + up)):
-            out.quads(
-                np.stack([a + p, b + p, b + q, a + q], axis=1),
-                material=Material.METAL_PAINTED,
-                tag=Tag.FENCE,
-                colour=tint,
-            )
+            out.quads(np.stack([a + p, b + p, b + q, a + q], axis=1), **look)
     up = np.array([0.0, 0.0, RAIL_M])
     for stem in (np.array([0.03, 0.0, 0.0]), np.array([0.0, 0.03, 0.0])):
         a, b = foot - stem, foot + stem
         faces = np.stack([a, b, b + up, a + up], axis=1)
-        out.quads(
-            np.concatenate([faces, faces[:, ::-1]]),
-            material=Material.METAL_PAINTED,
-            tag=Tag.FENCE,
-            colour=tint,
-        )
+        out.quads(np.concatenate([faces, faces[:, ::-1]]), **look)
 
 
 def _banks(out: MeshBuilder, water: Water, natural: Sequence[Shore], ground: Terrain) -> None:
@@ -203,10 +193,3 @@ def _banks(out: MeshBuilder, water: Water, natural: Sequence[Shore], ground: Ter
         share = np.clip(shapely.distance(rim, shapely.points(xy)) / BANK_M, 0.0, 1.0)
         z = (ground.height(xy) - LAP_M / 2) * (1.0 - share) + (water.level_m - 0.5) * share
         out.triangles(np.column_stack([xy, z]), triangles, material=material, tag=tag, colour=colour)
-
-
-def _right(line: Array) -> Array:
-    """Unit vectors (N, 2) to the right of a line."""
-    step = np.gradient(line, axis=0) if len(line) > 2 else np.repeat(line[1:] - line[:1], 2, axis=0)
-    step /= np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
-    return np.stack([step[:, 1], -step[:, 0]], axis=-1)

@@ -118,9 +118,9 @@ def _lanes(
 
 def _neighbour(edges: LaneEdges, road: int, section: int, lane_id: int, step: int) -> int | None:
     other = edges.index.get((road, section, lane_id + step))
-    own = edges.lanes[edges.index[road, section, lane_id]]
+    lane = edges.lanes[edges.index[road, section, lane_id]]
     same_side = (lane_id + step) * lane_id > 0
-    if other is None or not same_side or own.type != "driving" or edges.lanes[other].type != "driving":
+    if other is None or not same_side or lane.type != "driving" or edges.lanes[other].type != "driving":
         return None
     return other
 
@@ -139,9 +139,9 @@ def _speed_limits(
         found.append([(r.s_m, min(r.limit_mps, NO_LIMIT_MPS)) for r in records])
     # Connecting roads rarely state a limit: a lane takes over the one of the lanes before it.
     for _ in range(4):
-        for n, own in enumerate(found):
-            if not own and edges.lanes[n].type in DRIVABLE_TYPES:
+        for n, limits in enumerate(found):
+            if not limits and edges.lanes[n].type in DRIVABLE_TYPES:
                 before = [found[m][-1][1] for m in predecessors[n] if found[m]]
                 if before:
                     found[n] = [(edges.sections[n].s_m, min(before))]
-    return [own or [(edges.sections[n].s_m, DEFAULT_LIMIT_MPS)] for n, own in enumerate(found)]
+    return [limits or [(edges.sections[n].s_m, DEFAULT_LIMIT_MPS)] for n, limits in enumerate(found)]

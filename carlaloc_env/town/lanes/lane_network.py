@@ -17,8 +17,8 @@ from carlaloc_env.town.lanes.build_lanes import LaneRecords, RoadMap
 from carlaloc_env.town.lanes.centre_lines import LanePose
 from carlaloc_env.town.lanes.nearest_lane import LaneSearch, NearestLane
 from carlaloc_env.town.lanes.records import Crosswalk, SignalHead, StaticSign
-from carlaloc_env.town.lanes.topology import BrokenLink, LaneLinks
-from carlaloc_env.town.opendrive.records import OpenDrive
+from carlaloc_env.town.lanes.topology import LaneLinks
+from carlaloc_env.town.opendrive.records import Note, OpenDrive
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
 CLEARANCE_M = 4.5
@@ -35,7 +35,7 @@ class LaneNetwork:
         """Takes what is known of the lanes.
 
         Args:
-            read: Reads the map; called when something is first asked that the lanes do not tell.
+            read: Reads the map; called at the first question that the lanes cannot answer.
             lanes: The lanes.
         """
         self._read = read
@@ -74,7 +74,7 @@ class LaneNetwork:
         return {road.id: n for n, road in enumerate(self.xodr.roads)}
 
     @cached_property
-    def broken_links(self) -> tuple[BrokenLink, ...]:
+    def broken_links(self) -> tuple[Note, ...]:
         """Links of the map that lead nowhere."""
         return tuple(LaneLinks(self.xodr, self.surface, self.forward.tolist()).broken)
 

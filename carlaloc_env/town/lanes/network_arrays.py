@@ -16,7 +16,7 @@ _TABLES = tuple(field.name for field in fields(LaneTables))
 
 
 def to_arrays(network: LaneNetwork) -> Arrays:
-    """All that a network tells without its map."""
+    """Everything that a network holds besides its map."""
     return {
         "forward": network.forward,
         "start_s_m": network.start_s_m,
@@ -36,17 +36,17 @@ def from_arrays(arrays: Arrays, read: Callable[[], RoadMap]) -> LaneNetwork:
         arrays: What `to_arrays` made of it.
         read: Reads its map when it is asked for.
     """
-    # Copies: compiled functions take arrays of a file, which nobody can write to, for another type.
-    own = {name: value.copy() for name, value in arrays.items()}
+    # Copies: compiled functions take arrays of a file, which are read-only, for another type.
+    copied = {name: value.copy() for name, value in arrays.items()}
     lanes = LaneRecords(
-        forward=own["forward"],
-        start_s_m=own["start_s_m"],
-        tables=LaneTables(**{name: own[f"tables/{name}"] for name in _TABLES}),
-        lanes=record_bytes.from_bytes(Lane, own["lanes"]),
+        forward=copied["forward"],
+        start_s_m=copied["start_s_m"],
+        tables=LaneTables(**{name: copied[f"tables/{name}"] for name in _TABLES}),
+        lanes=record_bytes.from_bytes(Lane, copied["lanes"]),
     )
     network = LaneNetwork(read, lanes)
-    network.bank = own["bank"]
-    network.signals = record_bytes.from_bytes(SignalHead, own["signals"])
-    network.static_signs = record_bytes.from_bytes(StaticSign, own["static_signs"])
-    network.crosswalks = record_bytes.from_bytes(Crosswalk, own["crosswalks"])
+    network.bank = copied["bank"]
+    network.signals = record_bytes.from_bytes(SignalHead, copied["signals"])
+    network.static_signs = record_bytes.from_bytes(StaticSign, copied["static_signs"])
+    network.crosswalks = record_bytes.from_bytes(Crosswalk, copied["crosswalks"])
     return network

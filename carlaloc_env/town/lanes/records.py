@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 SignKind = Literal["stop", "yield", "speed", "other"]
-"""What a sign tells drivers."""
+"""Meaning of a sign for drivers."""
 SIGN_CODES: dict[SignKind, str] = {"stop": "206", "yield": "205", "speed": "274"}
 """CARLA's and RoadRunner's sign codes (after the German catalogue)."""
 SIGN_KINDS = {code: kind for kind, code in SIGN_CODES.items()}
-"""What each code means."""
+"""Kind of sign by code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

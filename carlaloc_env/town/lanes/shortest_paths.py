@@ -100,14 +100,14 @@ def _reach_goals(
 def _onward(network: LaneNetwork, visit: _Visit) -> list[_Visit]:
     lane = network.lanes[visit.lane]
     rest = (1.0 - visit.fraction) * lane.length_m
-    ways = [
+    visits = [
         _Visit(visit.cost_m + rest, n, 0.0, (), visit)
         for n in lane.successors
         if network.lanes[n].type in DRIVABLE_TYPES
     ]
     if lane.junction_id is None and rest >= LANE_CHANGE_ROOM_M * (len(visit.changes) + 1):
         haste = HASTE_COST * max(EASY_ROOM_M * (len(visit.changes) + 1) - rest, 0.0)
-        ways += [
+        visits += [
             _Visit(
                 visit.cost_m + LANE_CHANGE_COST_M + haste,
                 n,
@@ -118,7 +118,7 @@ def _onward(network: LaneNetwork, visit: _Visit) -> list[_Visit]:
             for n in (lane.left, lane.right)
             if n is not None and n not in visit.changes
         ]
-    return ways
+    return visits
 
 
 def _spans(visit: _Visit, to_fraction: float) -> list[LaneSpan]:
@@ -148,9 +148,9 @@ def path_through(network: LaneNetwork, stops: Sequence[Sequence[LanePosition]]) 
                 if known is None or total < known[0]:
                     following[k] = (total, so_far[1] + spans)
         best = following
-        if all(way is None for way in best):
+        if all(path is None for path in best):
             raise MapError(
                 f"no way leads from route point {number + 1} to point {number + 2}; "
                 "move one of them onto a lane that leads there"
             )
-    return min((way for way in best if way is not None), key=lambda way: way[0])[1]
+    return min((path for path in best if path is not None), key=lambda path: path[0])[1]

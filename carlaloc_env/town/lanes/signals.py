@@ -139,8 +139,8 @@ def _below(network: LaneNetwork, road: Road, signal: SignalRecord) -> list[_Effe
         lane = network.lanes[number]
         facing = signal.orientation == "none" or (signal.orientation == "+") == lane.forward
         if lane.type == "driving" and facing:
-            table, own = network.surface.edges, np.array([number])
-            edges = [float(table.inner(own, s).t_m[0]), float(table.outer(own, s).t_m[0])]
+            table, numbers = network.surface.edges, np.array([number])
+            edges = [float(table.inner(numbers, s).t_m[0]), float(table.outer(numbers, s).t_m[0])]
             if min(edges) <= signal.t_m <= max(edges):
                 return [_Effect(number, network.station_at(number, signal.s_m))]
     return []

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.opendrive.lane_boundaries import LaneEdges
-from carlaloc_env.town.opendrive.records import Connection, Junction, OpenDrive, Road, RoadLink, Severity
+from carlaloc_env.town.opendrive.records import (
+    Connection,
+    Junction,
+    Note,
+    OpenDrive,
+    Road,
+    RoadLink,
+    Severity,
+)
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
 DRIVABLE_TYPES = frozenset(
@@ -19,17 +26,6 @@ DRIVABLE_TYPES = frozenset(
 """Lane types that cars drive on; links between these and other lanes are not followed."""
 End = Literal["start", "end"]
 """One end of a road or lane, along s."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BrokenLink:
-    """A link in the file that leads nowhere, or one that is missing."""
-
-    element: str
-    id: str
-    line: int
-    message: str
-    severity: Severity = "error"
 
 
 class LaneLinks:
@@ -49,7 +45,8 @@ class LaneLinks:
         self._forward = forward
         self._road = {road.id: n for n, road in enumerate(xodr.roads)}
         self._junction = {junction.id for junction in xodr.junctions}
-        self.broken: list[BrokenLink] = []
+        self.broken: list[Note] = []
+        """Links in the file that lead nowhere, and links that are missing."""
         self.successors: list[list[int]] = [[] for _ in forward]
         self.predecessors: list[list[int]] = [[] for _ in forward]
         for n, road in enumerate(xodr.roads):
@@ -75,16 +72,14 @@ class LaneLinks:
     def _follow_road(self, n: int, road: Road, end: End, link: RoadLink | None) -> None:
         if link is None:
             return
-        if link.element_type == "junction":
-            if link.element_id not in self._junction:
-                message = f"links to junction {link.element_id}, which does not exist"
-                self._report("road", road.id, road.line, message, "warning")
-            return
-        target = self._road.get(link.element_id)
-        if target is None:
-            message = f"links to road {link.element_id}, which does not exist"
+        known = self._junction if link.element_type == "junction" else self._road
+        if link.element_id not in known:
+            message = f"links to {link.element_type} {link.element_id}, which does not exist"
             self._report("road", road.id, road.line, message, "warning")
             return
+        if link.element_type == "junction":
+            return
+        target = self._road[link.element_id]
         contact = link.contact or self._nearer_end(n, end, target)
         k = 0 if end == "start" else len(road.sections) - 1
         other = 0 if contact == "start" else len(self._xodr.roads[target].sections) - 1
@@ -109,10 +104,8 @@ class LaneLinks:
             ):
                 if not self._for_cars((incoming, -1, start), (connecting, -1, to)):
                     continue
-                message = (
-                    f"junction {junction.id}: lane {start} of road {connection.incoming_road} does not lead "
-                )
-                message += f"onto lane {to} of road {connection.connecting_road}"
+                message = f"junction {junction.id}: lane {start} of road {connection.incoming_road} "
+                message += f"does not lead onto lane {to} of road {connection.connecting_road}"
                 self._report("connection", connection.id, connection.line, message)
 
     def _join_unlinked(self) -> None:
@@ -147,11 +140,8 @@ class LaneLinks:
 
     def _meet(self, a: tuple[int, int], end_a: End, b: tuple[int, int], end_b: End, line: int) -> None:
         ours, theirs = self._cars(*a), self._cars(*b)
-        if (
-            not ours
-            or not theirs
-            or any(y in self.successors[x] + self.predecessors[x] for x in ours for y in theirs)
-        ):
+        linked = any(y in self.successors[x] + self.predecessors[x] for x in ours for y in theirs)
+        if not ours or not theirs or linked:
             return
         here, width_m = self._lane_ends(ours, end_a)
         there, _ = self._lane_ends(theirs, end_b)
@@ -168,19 +158,15 @@ class LaneLinks:
 
     def _cars(self, road: int, section: int) -> list[int]:
         """Lanes of a section that cars drive on."""
-        lanes = self._xodr.roads[road].sections[section].lanes
-        return [
-            self._edges.index[road, section, lane.id]
-            for lane in lanes
-            if lane.id and lane.type in DRIVABLE_TYPES
-        ]
+        lanes, index = self._xodr.roads[road].sections[section].lanes, self._edges.index
+        return [index[road, section, k.id] for k in lanes if k.id and k.type in DRIVABLE_TYPES]
 
     def _lane_ends(self, lanes: list[int], end: End) -> tuple[Array, Array]:
         """Centres (M, 3) and widths (M,) of lanes at one end [m]."""
         sections = [self._edges.sections[n] for n in lanes]
         s = np.array([section.s_m if end == "start" else section.end_m for section in sections])
-        own = np.array(lanes)
-        return self._surface.lane_centre(own, s).position_m, self._edges.width(own, s)
+        numbers = np.array(lanes)
+        return self._surface.lane_centre(numbers, s).position_m, self._edges.width(numbers, s)
 
     def _touching(self, road: int, lane_id: int, junction_id: str) -> Iterator[tuple[End, int]]:
         """The lane at those ends of a road that lie at the junction."""
@@ -207,17 +193,13 @@ class LaneLinks:
         self, a: tuple[int, int, int], end_a: End, b: tuple[int, int, int], end_b: End, line: int
     ) -> None:
         road_a, road_b = self._xodr.roads[a[0]].id, self._xodr.roads[b[0]].id
+        message = f"lane {a[2]} of road {road_a} links to lane {b[2]} of road {road_b}"
         target = self._edges.index.get(b)
         if target is None:
             if b[2] != 0:
-                message = f"lane {a[2]} of road {road_a} links to lane {b[2]} of road {road_b}, "
-                message += "which does not exist"
-                self._report("lane", str(a[2]), line, message)
+                self._report("lane", str(a[2]), line, f"{message}, which does not exist")
         elif not self._link(self._edges.index[a], end_a, target, end_b) and self._for_cars(a, b):
-            message = (
-                f"lane {a[2]} of road {road_a} links to lane {b[2]} of road {road_b}, which runs against it"
-            )
-            self._report("lane", str(a[2]), line, message)
+            self._report("lane", str(a[2]), line, f"{message}, which runs against it")
 
     def _link(self, a: int, end_a: End, b: int, end_b: End) -> bool:
         """Joins two lanes where the ends and their traffic allow; False if they do not."""
@@ -241,8 +223,8 @@ class LaneLinks:
         roads = self._xodr.roads
         for road, section, lane_id in lanes:
             sections = roads[road].sections if section < 0 else (roads[road].sections[section],)
-            own = [lane for s in sections if (lane := s.lane(lane_id)) is not None]
-            if own and not any(lane.type in DRIVABLE_TYPES for lane in own):
+            records = [lane for s in sections if (lane := s.lane(lane_id)) is not None]
+            if records and not any(lane.type in DRIVABLE_TYPES for lane in records):
                 return False
         return True
 
@@ -257,6 +239,5 @@ class LaneLinks:
     def _report(
         self, element: str, label: str, line: int, message: str, severity: Severity = "error"
     ) -> None:
-        self.broken.append(
-            BrokenLink(element=element, id=label, line=line, message=message, severity=severity)
-        )
+        note = Note(severity=severity, element=element, id=label, line=line, message=message)
+        self.broken.append(note)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
@@ -16,14 +16,14 @@ POST_SIDES = 6
 """Sides of the prisms that stand for poles and trunks."""
 
 
-def posts(feet_m: Array, radius_m: Array, height_m: Array) -> Array:
-    """Upright prisms of poles and trunks, feet (N, 3), shape (N·sides, 4, 3)."""
+def posts(feet_m: Array, radius_m: float, height_m: ArrayLike) -> Array:
+    """Upright prisms of poles and trunks, feet (N, 3), heights one or (N,), shape (N·sides, 4, 3)."""
     angle = np.arange(POST_SIDES + 1) * (2 * np.pi / POST_SIDES)
     ring = np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
     low = np.repeat(feet_m[:, None, :], POST_SIDES + 1, axis=1)
-    low[..., :2] += ring * radius_m[:, None, None]
+    low[..., :2] += ring * radius_m
     high = low.copy()
-    high[..., 2] += height_m[:, None]
+    high[..., 2] += np.reshape(height_m, (-1, 1))
     quads = np.stack([low[:, :-1], low[:, 1:], high[:, 1:], high[:, :-1]], axis=2)
     return quads.reshape(-1, 4, 3)
 

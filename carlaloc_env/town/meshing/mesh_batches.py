@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geometry.transforms import cross
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, merge, vertex_normals
+from carlaloc_env.scene.mesh import VERTEX_FIELDS, Mesh, merge, vertex_normals
 from carlaloc_env.scene.semantic_tags import Tag
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Quads:
     """Quads of one call: corners (N, 4, 3), texture coordinates (N, 4, 2), the rest as it was given."""
 
@@ -25,20 +25,18 @@ class Quads:
     colour: ArrayLike
     material: ArrayLike
     tag: Tag
-    instance: ArrayLike
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Triangles:
     """Triangles of one call: corners (V, 3) and their indices (T, 3), the rest as it was given."""
 
     corners_m: Array
-    triangles: NDArray[np.uint32]
     uv_m: Array | None
     colour: ArrayLike
     material: Material
     tag: Tag
-    instance: int
+    triangles: NDArray[np.uint32]
 
 
 def joined(groups: Sequence[Quads | Triangles]) -> list[Mesh]:
@@ -74,18 +72,10 @@ class _Parts:
     def take(self, groups: int) -> Mesh:
         """The next groups as a mesh of their own."""
         first, self._next = self._next, self._next + groups
-        own = slice(self._vertex[first], self._vertex[self._next])
-        mesh, rows = self._mesh, slice(self._triangle[first], self._triangle[self._next])
-        return Mesh(
-            vertices_m=mesh.vertices_m[own],
-            triangles=mesh.triangles[rows] - np.uint32(own.start),
-            normals=mesh.normals[own],
-            uv_m=mesh.uv_m[own],
-            colour=mesh.colour[own],
-            material=mesh.material[own],
-            tag=mesh.tag[own],
-            instance=mesh.instance[own],
-        )
+        vertices = slice(self._vertex[first], self._vertex[self._next])
+        rows = slice(self._triangle[first], self._triangle[self._next])
+        part = {name: getattr(self._mesh, name)[vertices] for name in VERTEX_FIELDS}
+        return Mesh(triangles=self._mesh.triangles[rows] - np.uint32(vertices.start), **part)
 
 
 def _quad_parts(groups: Sequence[Quads]) -> _Parts:
@@ -97,15 +87,15 @@ def _quad_parts(groups: Sequence[Quads]) -> _Parts:
     normal = _unit(cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]))
     uv = planar_uv(corners, normal)
     colour = np.empty((count, 4, 3))
-    material, tag, instance = np.empty(count, np.uint8), np.empty(count, np.uint8), np.empty(count, np.uint32)
+    material, tag = np.empty(count, np.uint8), np.empty(count, np.uint8)
     end = 0
     for group in groups:
-        own = slice(end, end := end + len(group.corners_m))
+        part = slice(end, end := end + len(group.corners_m))
         if group.uv_m is not None:
-            uv[own] = group.uv_m
+            uv[part] = group.uv_m
         tint = np.asarray(group.colour)
-        colour[own] = tint[:, None] if tint.ndim == 2 else tint
-        material[own], tag[own], instance[own] = group.material, group.tag, group.instance
+        colour[part] = tint[:, None] if tint.ndim == 2 else tint
+        material[part], tag[part] = group.material, group.tag
     base = np.arange(count, dtype=np.uint32)[:, None] * 4
     mesh = _mesh(
         corners.reshape(-1, 3),
@@ -115,7 +105,6 @@ def _quad_parts(groups: Sequence[Quads]) -> _Parts:
         colour.reshape(-1, 3),
         np.repeat(material, 4),
         np.repeat(tag, 4),
-        np.repeat(instance, 4),
     )
     return _Parts(mesh, size * 4, size * 2)
 
@@ -135,19 +124,17 @@ def _triangle_parts(groups: Sequence[Triangles]) -> _Parts:
     triangles = np.bincount(owner, minlength=len(groups))
     uv, colour = v[:, :2].copy(), np.empty((count, 3))
     material, tag = np.empty(count, np.uint8), np.empty(count, np.uint8)
-    instance = np.empty(count, np.uint32)
     for group, start in zip(groups, first, strict=True):
-        own = slice(start, start + len(group.corners_m))
+        part = slice(start, start + len(group.corners_m))
         if group.uv_m is not None:
-            uv[own] = group.uv_m
-        colour[own], material[own], tag[own] = group.colour, group.material, group.tag
-        instance[own] = group.instance
+            uv[part] = group.uv_m
+        colour[part], material[part], tag[part] = group.colour, group.material, group.tag
     # Groups of slivers alone are left out, corners included.
     kept = np.repeat(triangles > 0, size)
     t = (np.cumsum(kept, dtype=np.uint32) - np.uint32(1))[t]
     v = v[kept]
     normals = vertex_normals(v.astype(np.float32), t)
-    mesh = _mesh(v, t, normals, uv[kept], colour[kept], material[kept], tag[kept], instance[kept])
+    mesh = _mesh(v, t, normals, uv[kept], colour[kept], material[kept], tag[kept])
     return _Parts(mesh, np.where(triangles > 0, size, 0), triangles)
 
 
@@ -159,13 +146,11 @@ def _mesh(
     colour: Array,
     material: NDArray[np.uint8],
     tag: NDArray[np.uint8],
-    instance: NDArray[np.uint32],
 ) -> Mesh:
     normal = np.asarray(normals, dtype=np.float32)
     # Slivers have no direction of their own; a zero normal would turn pictures black.
-    normal = np.where(
-        np.sum(normal**2, axis=1, keepdims=True) > 0.5, normal, np.array([0.0, 0.0, 1.0], np.float32)
-    )
+    known, up = np.sum(normal**2, axis=1, keepdims=True) > 0.5, np.array([0.0, 0.0, 1.0], np.float32)
+    normal = np.where(known, normal, up)
     return Mesh(
         vertices_m=vertices.astype(np.float32),
         triangles=triangles,
@@ -174,7 +159,7 @@ def _mesh(
         colour=np.clip(colour, 0, 255).astype(np.uint8),
         material=material,
         tag=tag,
-        instance=instance,
+        instance=np.zeros(len(vertices), np.uint32),
     )
 
 

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import WHITE, Mesh, merge
@@ -36,7 +37,6 @@ class MeshBuilder:
         tag: Tag,
         uv_m: ArrayLike | None = None,
         colour: ArrayLike = WHITE,
-        instance: ArrayLike = 0,
     ) -> None:
         """Flat four-cornered faces.
 
@@ -47,21 +47,11 @@ class MeshBuilder:
             uv_m: Texture coordinates [m], shape (N, 4, 2); when left out, metres along the first edge and
                 across it, anchored in the world so that neighbours in one plane continue each other.
             colour: Linear tint, shape (3,), (N, 3) or (N, 4, 3).
-            instance: One instance id or one per quad, shape (N,).
         """
         c = np.asarray(corners_m, dtype=np.float64).reshape(-1, 4, 3)
-        if not len(c):
-            return
-        self._pending.append(
-            Quads(
-                corners_m=c,
-                uv_m=None if uv_m is None else np.asarray(uv_m, dtype=np.float64).reshape(-1, 4, 2),
-                colour=colour,
-                material=material,
-                tag=tag,
-                instance=instance,
-            )
-        )
+        uv = None if uv_m is None else np.asarray(uv_m, dtype=np.float64).reshape(-1, 4, 2)
+        if len(c):
+            self._pending.append(Quads(c, uv, colour, material, tag))
 
     def grid(
         self,
@@ -71,7 +61,6 @@ class MeshBuilder:
         tag: Tag,
         uv_m: ArrayLike | None = None,
         colour: ArrayLike = WHITE,
-        instance: int = 0,
     ) -> None:
         """A smooth surface over rows and columns; its outside is the side where rows × columns points.
 
@@ -81,22 +70,16 @@ class MeshBuilder:
             tag: Semantic tag.
             uv_m: Texture coordinates [m], shape (R, C, 2); world x, y when left out.
             colour: Linear tint, shape (3,) or (R, C, 3).
-            instance: Instance id.
         """
         p = np.asarray(points_m, dtype=np.float64)
         rows, columns = p.shape[:2]
         if rows < 2 or columns < 2:
             return
-        tint = np.asarray(colour)
-        self.triangles(
-            p.reshape(-1, 3),
-            _grid_triangles(rows, columns),
-            material=material,
-            tag=tag,
-            uv_m=None if uv_m is None else np.asarray(uv_m).reshape(-1, 2),
-            colour=tint if tint.ndim == 1 else np.broadcast_to(tint, (rows, columns, 3)).reshape(-1, 3),
-            instance=instance,
-        )
+        uv, tint = None if uv_m is None else np.asarray(uv_m).reshape(-1, 2), np.asarray(colour)
+        if tint.ndim > 1:
+            tint = np.broadcast_to(tint, p.shape).reshape(-1, 3)
+        triangles = _grid_triangles(rows, columns)
+        self.triangles(p.reshape(-1, 3), triangles, material=material, tag=tag, uv_m=uv, colour=tint)
 
     def triangles(
         self,
@@ -107,7 +90,6 @@ class MeshBuilder:
         tag: Tag,
         uv_m: ArrayLike | None = None,
         colour: ArrayLike = WHITE,
-        instance: int = 0,
     ) -> None:
         """Smoothly shaded triangles over shared corners, shapes (V, 3) and (T, 3)."""
         v = np.asarray(vertices_m, dtype=np.float64).reshape(-1, 3)
@@ -121,7 +103,6 @@ class MeshBuilder:
                     colour=colour,
                     material=material,
                     tag=tag,
-                    instance=instance,
                 )
             )
 
@@ -154,6 +135,16 @@ def box_quads(low_m: ArrayLike, high_m: ArrayLike, *, bottom: bool = False) -> A
         np.stack([np.stack([choose[p[i]][:, i] for i in range(3)], -1) for p in face], 1) for face in picks
     ]
     return np.concatenate(faces)
+
+
+def turned(points_m: Array, origin_m: ArrayLike, yaw_rad: float) -> Array:
+    """Points (..., 2 or 3) turned about the vertical and moved in plan to an origin (2 or 3,)."""
+    c, s = elementary.cos(yaw_rad), elementary.sin(yaw_rad)
+    x, y = points_m[..., 0], points_m[..., 1]
+    origin, moved = np.asarray(origin_m), points_m.copy()
+    moved[..., 0] = origin[0] + c * x - s * y
+    moved[..., 1] = origin[1] + s * x + c * y
+    return moved
 
 
 def extrude(line_m: Array, top_m: Array) -> tuple[Array, Array]:

@@ -40,13 +40,4 @@ def _part(mesh: Mesh, rows: NDArray[np.int64], taken: NDArray[np.bool_], number:
     used = np.flatnonzero(taken[low:high]) + low
     taken[used] = False
     number[used] = np.arange(len(used), dtype=np.uint32)
-    return Mesh(
-        vertices_m=mesh.vertices_m[used],
-        triangles=number[triangles],
-        normals=mesh.normals[used],
-        uv_m=mesh.uv_m[used],
-        colour=mesh.colour[used],
-        material=mesh.material[used],
-        tag=mesh.tag[used],
-        instance=mesh.instance[used],
-    )
+    return mesh.taking(used, number[triangles])

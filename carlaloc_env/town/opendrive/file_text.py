@@ -12,7 +12,7 @@ from carlaloc_env.core.errors import MapError
 FILE_LIMIT_BYTES = 64 * 1024 * 1024
 """Larger files are refused, packed or unpacked."""
 MAP_SUFFIXES = (".xodr", ".xodrz", ".xodr.gz")
-"""What map files are called; the last two are packed by gzip."""
+"""Suffixes of map files; the last two are packed by gzip."""
 
 _GZIP = b"\x1f\x8b"
 _MARKS = (
@@ -99,8 +99,8 @@ def _text(data: bytes) -> tuple[str, str | None]:
         return data.decode(_WIDER.get(codec, codec)), None
     except (LookupError, UnicodeError):
         encoding = _likeliest(data)
-        told = f"states encoding {stated}" if declared else "states no encoding and is not UTF-8"
-        return data.decode(encoding, "replace"), f"{told}; read as {encoding.upper()}"
+        stated_as = f"states encoding {stated}" if declared else "states no encoding and is not UTF-8"
+        return data.decode(encoding, "replace"), f"{stated_as}; read as {encoding.upper()}"
 
 
 def _likeliest(data: bytes) -> str:

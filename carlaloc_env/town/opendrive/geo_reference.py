@@ -99,7 +99,7 @@ def _offset(document: Document, header: Element) -> _Offset:
 def _projected(
     text: str, offset: _Offset, by_sumo: bool, roads: Sequence[Road], shift_m: tuple[float, float]
 ) -> tuple[GeoReference, str | None]:
-    """Reference by a projection, and what must be told of it.
+    """Reference by a projection, and a remark on it.
 
     Raises:
         ConfigError: PROJ cannot read the text, or it does not suit the map but names a centre.
@@ -143,7 +143,7 @@ def _inside(area: tuple[float, float, float, float], geodetic: Array) -> bool:
 
 
 def _scale(reference: ProjectedReference) -> str | None:
-    """What is told of projections whose metres are none on the ground."""
+    """Remark on projections whose metres are none on the ground."""
     ahead = reference.enu_to_geodetic([0.0, SCALED_M, 0.0])
     ground = GeoReference(latitude_deg=reference.latitude_deg, longitude_deg=reference.longitude_deg)
     east, north, _ = ground.geodetic_to_enu([ahead[0], ahead[1], 0.0])

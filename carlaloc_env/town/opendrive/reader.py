@@ -33,7 +33,7 @@ from carlaloc_env.town.opendrive.xml_document import Document, Element, ElementE
 ROAD_LIMIT = 100_000
 """Maps with more roads are refused."""
 Numbered = TypeVar("Numbered", Road, Junction)
-"""What has an id of its own."""
+"""Records that have ids."""
 LENGTH_TOLERANCE_M = 0.01
 """A stated length that is farther off the reference line's own is not believed [m]."""
 

@@ -1,4 +1,4 @@
-"""What an OpenDRIVE file says, as frozen records (ASAM OpenDRIVE 1.4 to 1.7).
+"""The contents of an OpenDRIVE file as frozen records (ASAM OpenDRIVE 1.4 to 1.7).
 
 Lengths are metres, angles radians, speeds m/s. ``line`` is the line of the element in its file.
 """
@@ -21,13 +21,21 @@ Severity = Literal["error", "warning"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Note:
-    """Something odd but usable that was met while reading."""
+    """One fault of a map, or something odd in it."""
 
     severity: Severity
+    """How bad it is."""
     element: str
+    """XML element, e.g. ``lane``."""
     id: str
+    """Its id, with the road it belongs to."""
     line: int
+    """Line in the file."""
     message: str
+
+    def __str__(self) -> str:
+        """One line: place, then message."""
+        return f"{self.severity}: line {self.line}: <{self.element}> {self.id}: {self.message}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +126,7 @@ class LaneHeight:
 
 @dataclass(frozen=True, slots=True)
 class LaneMaterial:
-    """What a lane is made of, from a station on."""
+    """Material of a lane, from a station on."""
 
     s_m: float
     surface: str
@@ -158,7 +166,7 @@ class LaneSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadLink:
-    """What a road's start or end is joined to."""
+    """The neighbour at a road's start or end."""
 
     element_type: Literal["road", "junction"]
     element_id: str

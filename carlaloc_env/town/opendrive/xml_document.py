@@ -53,7 +53,7 @@ class Document:
             self.note(self.root, remark)
 
     def _parse(self, data: bytes) -> Element:
-        # libxml2 expands entities in attributes even when told not to resolve them, so none may exist.
+        # libxml2 expands entities in attributes even when set not to resolve them, so none may exist.
         at = max(data.find(b"<!DOCTYPE"), data.find(b"<!ENTITY"))
         if at >= 0:
             line = data.count(b"\n", 0, at) + 1
@@ -75,7 +75,7 @@ class Document:
         return root
 
     def _mended(self, data: bytes, fault: str) -> Element:
-        """What libxml2 makes of a file with a slip, or of the roads and junctions before an early end."""
+        """Root of a file with a slip as libxml2 mends it, or of the part before an early end."""
         whole = re.search(rb"</(\w+:)?OpenDRIVE\s*>\s*$", data[-4096:]) is not None
         ends = [found.end() for found in re.finditer(rb"</(\w+:)?(road|junction)\s*>", data)]
         root = etree.fromstring(data if whole else data[: ends[-1]], _parser(recover=True)) if ends else None
@@ -102,7 +102,7 @@ class Document:
         )
 
     def each(self, elements: Iterable[Element], read: Callable[[Element], T]) -> list[T]:
-        """What can be read of some elements, in their order; a note on each that is left out."""
+        """Records of all elements that can be read, in their order; a note on each of the others."""
         found = []
         for element in elements:
             try:

@@ -11,6 +11,7 @@ from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.height_fields import interpolated
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.opendrive.crossfall import GUTTER_M
@@ -100,9 +101,7 @@ def _across(strip: Strip, lane: int, share: Array, ends_m: Array) -> tuple[Array
     """Stations (R,) and points (R, C, 3) of a lane at shares of its width, ends of castings among them."""
     left, right = strip.lane_edges(lane)
     s = np.union1d(strip.s_m, ends_m)
-    a, b = (
-        np.stack([np.interp(s, strip.s_m, edge[:, k]) for k in range(3)], axis=-1) for edge in (left, right)
-    )
+    a, b = (interpolated(s, strip.s_m, edge) for edge in (left, right))
     return s, b[:, None] + share[None, :, None] * (a - b)[:, None]
 
 

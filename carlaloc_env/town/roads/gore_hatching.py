@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.town.ground.height_fields import distance_along, interpolated
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.polygons import Area, areas_only, strip_polygon
 from carlaloc_env.town.opendrive.records import Road
@@ -47,10 +48,10 @@ def _bars(one: Strip, other: Strip) -> Area:
     inner = shapely.buffer(wedge, -RIM_M, join_style="mitre")
     half = 0.5 * LEAST_M - RIM_M
     inner = shapely.intersection(shapely.buffer(shapely.buffer(inner, -half), 1.1 * half), inner)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle, axis=0).T))])
+    along = distance_along(middle)
     at = np.arange(0.5 * BAR_STEP_M, along[-1], BAR_STEP_M)
-    points = np.stack([np.interp(at, along, middle[:, k]) for k in range(2)], axis=-1)
-    ahead = np.stack([np.interp(at + 0.5, along, middle[:, k]) for k in range(2)], axis=-1) - points
+    points = interpolated(at, along, middle)
+    ahead = interpolated(at + 0.5, along, middle) - points
     ahead /= np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)[:, None]
     slant = np.sqrt(0.5) * np.stack([ahead[:, 0] - ahead[:, 1], ahead[:, 0] + ahead[:, 1]], axis=-1)
     lines = np.stack([points - _HALF_LENGTH_M * slant, points + _HALF_LENGTH_M * slant], axis=1)
@@ -67,8 +68,8 @@ def _wedge(one: Strip, other: Strip) -> tuple[Area, Array | None]:
         if span is None:
             continue
         area = strip_polygon(beside.edges_m[span[0]], beside.edges_m[span[1]])
-        for lane, own in enumerate(strip.lanes):
-            if own.type != "shoulder":
+        for lane, record in enumerate(strip.lanes):
+            if record.type != "shoulder":
                 continue
             left, right = strip.lane_edges(lane)
             shoulder = strip_polygon(left, right)

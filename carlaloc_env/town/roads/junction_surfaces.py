@@ -50,7 +50,7 @@ def add_junction_surface(
 
 
 def unpaved_junction(junction: JunctionArea) -> str:
-    """What a junction is made of where no asphalt lies on any of its driving lanes; else empty."""
+    """Surface of a junction where no asphalt lies on any of its driving lanes; else empty."""
     kinds = {
         strip.unpaved(lane)
         for strip in junction.strips

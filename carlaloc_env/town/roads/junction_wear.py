@@ -47,10 +47,10 @@ _CELL_M = 1.5
 def add_junction_details(
     out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int, *, fast: bool
 ) -> Array:
-    """What roads and traffic have left on one junction, `fast` where only fast roads meet.
+    """Wear of one junction, `fast` where only fast roads meet.
 
     Returns:
-        What wheels feel of it, shape (N, 7).
+        Events that wheels feel, shape (N, 7).
     """
     events = [no_events()]
     if unpaved_junction(junction):
@@ -105,11 +105,11 @@ class _Sheets:
         """Lay everything in the order in which it came; heights are looked up all at once."""
         if not self._found:
             return
-        xy = np.concatenate([own for own, _ in self._found])
+        xy = np.concatenate([part for part, _ in self._found])
         points = np.column_stack([xy, field.height(xy)])
-        ends = np.cumsum([len(own) for own, _ in self._found])
-        for (_, lay), own in zip(self._found, np.split(points, ends[:-1]), strict=True):
-            lay(out, own)
+        ends = np.cumsum([len(part) for part, _ in self._found])
+        for (_, lay), part in zip(self._found, np.split(points, ends[:-1]), strict=True):
+            lay(out, part)
 
     def free(self, area: Area) -> bool:
         """Whether nothing lies there."""

@@ -12,7 +12,7 @@ from carlaloc_env.town.opendrive.records import Road
 FAST_MPS = 70.0 / 3.6 - 0.1
 """Limit from which a road is fast [m/s]."""
 SURFACE = Material.ASPHALT_MOTORWAY
-"""What their driving lanes are made of."""
+"""Material of their driving lanes."""
 DETAILS = 0.3
 """Repairs and cracks on them, as a share of those on streets; covers lie beside them."""
 

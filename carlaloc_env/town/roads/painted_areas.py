@@ -94,13 +94,13 @@ class RoadPainter:
         road = self._network.xodr.roads[self._network.road_index[road_id]]
         key = f"road {road_id}" if road.junction_id is None else f"junction {road.junction_id}"
         if key not in self._fields:
-            own = [
+            strips = [
                 strip
                 for strip in self._strips
                 if strip.road_id == road_id
                 or (strip.junction_id is not None and strip.junction_id == road.junction_id)
             ]
-            self._fields[key] = JunctionField(own, self._network.surface)
+            self._fields[key] = JunctionField(strips, self._network.surface)
         return self._fields[key]
 
 

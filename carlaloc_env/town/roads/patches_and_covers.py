@@ -1,4 +1,4 @@
-"""What repairs of roads and covers in them look like."""
+"""The look of repairs of roads and of covers in them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ REPAIRS: tuple[tuple[Material, tuple[float, float], float, float], ...] = (
     (Material.ASPHALT, (150.0, 205.0), 0.65, 0.3),
     (Material.ASPHALT_OLD, (200.0, 235.0), 0.35, 0.6),
 )
-"""What repairs are made of, its brightness, its share of all repairs, how many of them have sealed edges."""
+"""Materials of repairs: brightness, share of all repairs, share of these with sealed edges."""
 
 
 def repair_surface(draw: np.random.Generator, only: Material | None = None) -> tuple[Material, float, bool]:

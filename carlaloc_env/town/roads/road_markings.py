@@ -10,6 +10,7 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.height_fields import interpolated
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.opendrive.records import Road, RoadMark
@@ -198,9 +199,7 @@ def _away_from_kerb(strip: Strip, edge: int, width_m: float) -> float:
 
 def beside(strip: Strip, edge: int, s: Array, offset_m: Array | float) -> Array:
     """Points (K, 3) on the triangles of the road, `offset_m` [m] to the left of a lane edge."""
-    lines = np.stack(
-        [[np.interp(s, strip.s_m, row[:, k]) for k in range(3)] for row in strip.edges_m]
-    ).transpose(0, 2, 1)
+    lines = np.stack([interpolated(s, strip.s_m, row) for row in strip.edges_m])
     across = (lines[0] - lines[-1])[:, :2]
     left = across / np.maximum(np.sqrt(np.sum(across**2, axis=1, keepdims=True)), 1e-6)
     offset = np.broadcast_to(np.asarray(offset_m, dtype=np.float64), s.shape)

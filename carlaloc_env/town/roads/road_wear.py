@@ -65,19 +65,16 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
         painted = _painted_spans(roads[strip.road])
         bands, ends = _Bands(strip, seed), casting_ends(strip, seed)
         for lane in range(len(strip.lanes)):
-            if (
-                strip.kind(lane) == "roadway"
-                and strip.lanes[lane].type == "driving"
-                and not strip.unpaved(lane)
-            ):
-                taken: list[Rectangle] = []
+            wear = _LaneWear(bands, strip, lane, painted, draw, fast=fast)
+            driven = strip.lanes[lane].type == "driving"
+            if strip.kind(lane) == "roadway" and driven and not strip.unpaved(lane):
                 if not fast:
-                    _covers(bands, strip, lane, painted, draw, taken)
-                _patches(bands, strip, lane, painted, draw, taken, fast=fast)
-                _cracks(bands, strip, lane, draw, DETAILS if fast else 1.0)
-                _seams(bands, strip, lane, ends, draw)
-                _tyre_marks(bands, strip, lane, draw, SURFACE if fast else Material.ASPHALT)
-            _drains(bands, strip, lane, draw)
+                    wear.covers()
+                wear.patches()
+                wear.cracks()
+                wear.seams(ends)
+                wear.tyre_marks()
+            wear.drains()
         bands.lay(out)
         events += bands.events
     return np.concatenate(events)
@@ -90,7 +87,7 @@ class _Bands:
         self._strip = strip
         self._draw = rng.stream(seed, f"felt/{strip.road_id}/{strip.section}")
         self.events: list[Array] = []
-        """What wheels feel of them, (1, 7) each."""
+        """Their events for the wheels, (1, 7) each."""
         self._found: list[tuple[int, Array, Array, Callable[[MeshBuilder, Array], None]]] = []
 
     def add(self, edge: int, s: Array, offset_m: Array, lay: Callable[[MeshBuilder, Array], None]) -> None:
@@ -105,10 +102,8 @@ class _Bands:
         """Lay everything in the order in which it came."""
         points: dict[int, Array] = {}
         for edge in {edge for edge, *_ in self._found}:
-            own = [(s, offset) for other, s, offset, _ in self._found if other == edge]
-            points[edge] = beside(
-                self._strip, edge, np.concatenate([s for s, _ in own]), np.concatenate([o for _, o in own])
-            )
+            parts = zip(*((s, offset) for other, s, offset, _ in self._found if other == edge), strict=True)
+            points[edge] = beside(self._strip, edge, *(np.concatenate(part) for part in parts))
         used = dict.fromkeys(points, 0)
         for edge, s, _, lay in self._found:
             first = used[edge]
@@ -116,181 +111,168 @@ class _Bands:
             lay(out, points[edge][first : used[edge]])
 
 
-def _patches(
-    bands: _Bands,
-    strip: Strip,
-    lane: int,
-    painted: Spans,
-    draw: np.random.Generator,
-    taken: list[Rectangle],
-    *,
-    fast: bool,
-) -> None:
-    for start in _places(strip, PATCH_STEP_M / (DETAILS if fast else 1.0), draw):
-        length, width = float(draw.uniform(0.8, 6.0)), float(draw.uniform(0.7, 2.2))
-        room = _width_at(strip, lane, start, start + length) - width - 0.5
-        side = 0.25 + float(draw.random()) * max(room, 0.0)
-        material, grey, sealed = repair_surface(draw, SURFACE if fast else None)
-        if room <= 0.0 or start + length > strip.s_m[-1] - 0.5 or _meets(painted, start, start + length):
-            continue
-        span, across = (start, start + length), (side, side + width)
-        rim = (span[0] - SEAL_WIDTH_M, span[1] + SEAL_WIDTH_M)
-        wide = (across[0] - SEAL_WIDTH_M, across[1] + SEAL_WIDTH_M)
-        if not _take(taken, (*rim, *wide)):
-            continue
-        if sealed:
-            _sheet(bands, strip, lane, rim, wide, SEAL_M, Material.PLAIN, 7.0)
-        _sheet(bands, strip, lane, span, across, PATCH_M, material, grey)
-        bands.feel(lane + 1, "patch", span, across)
+class _LaneWear:
+    """Wear of one lane, placed at random; distances across count from its right edge."""
 
+    def __init__(
+        self, bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator, *, fast: bool
+    ) -> None:
+        self._bands, self._strip, self._lane, self._painted = bands, strip, lane, painted
+        self._draw, self._share, self._surface = draw, DETAILS if fast else 1.0, SURFACE if fast else None
+        self._taken: list[Rectangle] = []
 
-def _covers(
-    bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator, taken: list[Rectangle]
-) -> None:
-    """Round covers, some of them set in a square of younger asphalt."""
-    for start in _places(strip, COVER_STEP_M, draw):
-        room = _width_at(strip, lane, start - 0.5, start + 0.5)
-        across = float(draw.uniform(0.35, 0.65)) * room
-        if (
-            room < 2.0
-            or _meets(painted, start - 0.4, start + 0.4)
-            or not strip.s_m[0] + 1.0 < start < strip.s_m[-1] - 1.0
-        ):
-            continue
-        half = 0.5 * COLLAR_M
-        span, sides = (start - half, start + half), (across - half, across + half)
-        if not _take(taken, (*span, *sides)):
-            continue
-        rings = cover_rings()
-        bands.add(lane + 1, start + rings[:, 0], across + rings[:, 1], lay_cover)
-        lid = COVER_RADIUS_M * SQUARE
-        bands.feel(lane + 1, "cover", (start - lid, start + lid), (across - lid, across + lid))
-        if draw.random() < COLLARS and half + 0.1 < across < room - half - 0.1:
-            _sheet(
-                bands, strip, lane, span, sides, PATCH_M, Material.ASPHALT, float(draw.uniform(*COLLAR_GREY))
-            )
+    def patches(self) -> None:
+        """Repairs, some of them with sealed edges."""
+        draw, end_m = self._draw, self._strip.s_m[-1] - 0.5
+        for start in self._places(PATCH_STEP_M / self._share):
+            length, width = float(draw.uniform(0.8, 6.0)), float(draw.uniform(0.7, 2.2))
+            room = self._room(start, start + length) - width - 0.5
+            side = 0.25 + float(draw.random()) * max(room, 0.0)
+            material, grey, sealed = repair_surface(draw, self._surface)
+            if room <= 0.0 or start + length > end_m or self._is_painted(start, start + length):
+                continue
+            span, across = (start, start + length), (side, side + width)
+            rim = (span[0] - SEAL_WIDTH_M, span[1] + SEAL_WIDTH_M)
+            wide = (across[0] - SEAL_WIDTH_M, across[1] + SEAL_WIDTH_M)
+            if not self._take((*rim, *wide)):
+                continue
+            if sealed:
+                self._sheet(rim, wide, SEAL_M, Material.PLAIN, 7.0)
+            self._sheet(span, across, PATCH_M, material, grey)
+            self._bands.feel(self._lane + 1, "patch", span, across)
 
+    def covers(self) -> None:
+        """Round covers, some of them set in a square of younger asphalt."""
+        draw, bands, edge, s_m = self._draw, self._bands, self._lane + 1, self._strip.s_m
+        half, lid = 0.5 * COLLAR_M, COVER_RADIUS_M * SQUARE
+        for start in self._places(COVER_STEP_M):
+            room = self._room(start - 0.5, start + 0.5)
+            across = float(draw.uniform(0.35, 0.65)) * room
+            inside = s_m[0] + 1.0 < start < s_m[-1] - 1.0
+            if room < 2.0 or self._is_painted(start - 0.4, start + 0.4) or not inside:
+                continue
+            span, sides = (start - half, start + half), (across - half, across + half)
+            if not self._take((*span, *sides)):
+                continue
+            rings = cover_rings()
+            bands.add(edge, start + rings[:, 0], across + rings[:, 1], lay_cover)
+            bands.feel(edge, "cover", (start - lid, start + lid), (across - lid, across + lid))
+            if draw.random() < COLLARS and half + 0.1 < across < room - half - 0.1:
+                self._sheet(span, sides, PATCH_M, Material.ASPHALT, float(draw.uniform(*COLLAR_GREY)))
 
-def _cracks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, share: float) -> None:
-    """Cracks sealed with bitumen, wandering along the lane."""
-    for start in _places(strip, CRACK_STEP_M / share, draw):
-        length, width = float(draw.uniform(2.0, 9.0)), float(draw.uniform(0.035, 0.075))
-        room = _width_at(strip, lane, start, start + length)
-        side = float(draw.uniform(0.15, 0.85)) * room
-        steps = np.linspace(0.0, length, max(4, int(length / 0.6)))
-        wander = np.cumsum(draw.normal(0.0, 0.09, len(steps)))
-        if room > 2.0 and start + length < strip.s_m[-1] - 0.3:
-            across = np.clip(side + wander, 0.12, room - 0.12)
-            _ribbon(bands, lane, start + steps, across, width, 6.0)
+    def cracks(self) -> None:
+        """Cracks sealed with bitumen, wandering along the lane."""
+        draw = self._draw
+        for start in self._places(CRACK_STEP_M / self._share):
+            length, width = float(draw.uniform(2.0, 9.0)), float(draw.uniform(0.035, 0.075))
+            room = self._room(start, start + length)
+            side = float(draw.uniform(0.15, 0.85)) * room
+            steps = np.linspace(0.0, length, max(4, int(length / 0.6)))
+            wander = np.cumsum(draw.normal(0.0, 0.09, len(steps)))
+            if room > 2.0 and start + length < self._strip.s_m[-1] - 0.3:
+                across = np.clip(side + wander, 0.12, room - 0.12)
+                self._ribbon(start + steps, across, width, Material.PLAIN, 6.0)
 
+    def seams(self, ends_m: Array) -> None:
+        """Seams across the lane between castings."""
+        for start in ends_m[self._draw.random(len(ends_m)) < SEAM_SHARE]:
+            room = self._room(start - 0.3, start + 0.3)
+            if room > 2.0:
+                span = (start - 0.5 * SEAM_WIDTH_M, start + 0.5 * SEAM_WIDTH_M)
+                self._sheet(span, (0.02, room - 0.02), CRACK_M, Material.PLAIN, 12.0)
+                self._bands.feel(self._lane + 1, "seam", span, (0.02, room - 0.02))
 
-def _seams(bands: _Bands, strip: Strip, lane: int, ends_m: Array, draw: np.random.Generator) -> None:
-    """Seams across a lane between castings."""
-    for start in ends_m[draw.random(len(ends_m)) < SEAM_SHARE]:
-        room = _width_at(strip, lane, start - 0.3, start + 0.3)
-        if room > 2.0:
-            span = (start - 0.5 * SEAM_WIDTH_M, start + 0.5 * SEAM_WIDTH_M)
-            _sheet(bands, strip, lane, span, (0.02, room - 0.02), CRACK_M, Material.PLAIN, 12.0)
-            bands.feel(lane + 1, "seam", span, (0.02, room - 0.02))
+    def tyre_marks(self) -> None:
+        """Pairs of dark streaks where cars brake before the road's end."""
+        draw, strip = self._draw, self._strip
+        for _ in range(int(draw.poisson(TYRE_MARKS))):
+            length, gone = float(draw.uniform(5.0, 14.0)), float(draw.uniform(1.0, TYRE_MARK_M - 14.0))
+            ahead = strip.forward(self._lane)
+            start = strip.s_m[-1] - gone - length if ahead else strip.s_m[0] + gone
+            if start < strip.s_m[0] + 0.5 or start + length > strip.s_m[-1] - 0.5:
+                continue
+            room = self._room(start, start + length)
+            if room < TRACK_M + 1.0:
+                continue
+            side = 0.5 * (room - TRACK_M) + float(draw.uniform(-0.25, 0.25))
+            steps = np.linspace(0.0, length, max(4, int(length / 2.0)))
+            veer = float(draw.normal(0.0, 0.12)) * (steps / length) ** 2
+            grey = float(draw.uniform(105.0, 150.0))
+            for offset in (0.0, TRACK_M):
+                across = np.clip(side + offset + veer, 0.12, room - 0.12)
+                self._ribbon(start + steps, across, TYRE_WIDTH_M, self._surface or Material.ASPHALT, grey)
 
+    def drains(self) -> None:
+        """Gratings in the roadway along kerbs."""
+        strip, lane = self._strip, self._lane
+        if strip.kind(lane) != "roadway" or strip.unpaved(lane):
+            return
+        width = (strip.t_m[lane] - strip.t_m[lane + 1]).min()
+        for other, left in ((lane - 1, True), (lane + 1, False)):
+            if not 0 <= other < len(strip.lanes) or strip.kind(other) != "sidewalk" or width < 0.25:
+                continue
+            low, high = (width - 0.38, width - 0.04) if left else (0.04, 0.38)
+            across = (max(low, 0.02), min(high, width - 0.02))
+            for start in self._places(DRAIN_STEP_M):
+                if start + 0.6 < strip.s_m[-1] - 0.5:
+                    self._sheet((start, start + 0.55), across, COVER_M, Material.PLAIN, 13.0)
 
-def _tyre_marks(
-    bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, material: Material
-) -> None:
-    """Pairs of dark streaks where cars brake before the road's end."""
-    ahead = strip.forward(lane)
-    for _ in range(int(draw.poisson(TYRE_MARKS))):
-        length, gone = float(draw.uniform(5.0, 14.0)), float(draw.uniform(1.0, TYRE_MARK_M - 14.0))
-        far = strip.s_m[-1] - gone if ahead else strip.s_m[0] + gone
-        start = far - length if ahead else far
-        if start < strip.s_m[0] + 0.5 or start + length > strip.s_m[-1] - 0.5:
-            continue
-        room = _width_at(strip, lane, start, start + length)
-        if room < TRACK_M + 1.0:
-            continue
-        side = 0.5 * (room - TRACK_M) + float(draw.uniform(-0.25, 0.25))
-        steps = np.linspace(0.0, length, max(4, int(length / 2.0)))
-        veer = float(draw.normal(0.0, 0.12)) * (steps / length) ** 2
-        grey = float(draw.uniform(105.0, 150.0))
-        for offset in (0.0, TRACK_M):
-            across = np.clip(side + offset + veer, 0.12, room - 0.12)
-            _ribbon(bands, lane, start + steps, across, TYRE_WIDTH_M, grey, material)
+    def _ribbon(self, s: Array, across_m: Array, width_m: float, material: Material, grey: float) -> None:
+        """A thin band along the lane, whose middle lies at `across_m` (N,)."""
+        sides = (across_m - 0.5 * width_m, across_m + 0.5 * width_m)
+        uv = np.stack([np.stack([offset, s], axis=-1) for offset in sides], axis=1)
+        self._band(s, sides, CRACK_M, material, uv, grey)
 
+    def _sheet(
+        self, span_m: Interval, across_m: Interval, height_m: float, material: Material, grey: float
+    ) -> None:
+        """A thin rectangle on the lane."""
+        s_m = self._strip.s_m
+        inner = s_m[(s_m > span_m[0] + 1e-3) & (s_m < span_m[1] - 1e-3)]
+        s = np.concatenate([[span_m[0]], inner, [span_m[1]]])
+        uv = np.stack(np.broadcast_arrays(np.array(across_m)[None] + 0.7, s[:, None] + 0.4), axis=-1)
+        sides = (np.full(len(s), across_m[0]), np.full(len(s), across_m[1]))
+        self._band(s, sides, height_m, material, uv, grey)
 
-def _ribbon(
-    bands: _Bands,
-    lane: int,
-    s: Array,
-    across_m: Array,
-    width_m: float,
-    grey: float,
-    material: Material = Material.PLAIN,
-) -> None:
-    """A thin band along a lane whose middle lies `across_m` from the lane's right edge, shape (N,)."""
-    half = 0.5 * width_m
-    sides = (across_m - half, across_m + half)
-    uv = np.stack([np.stack([offset, s], axis=-1) for offset in sides], axis=1)
-    _band(bands, lane, s, sides, CRACK_M, material, uv, grey)
+    def _band(
+        self,
+        s: Array,
+        sides_m: tuple[Array, Array],
+        lift_m: float,
+        material: Material,
+        uv: Array,
+        grey: float,
+    ) -> None:
+        def lay(out: MeshBuilder, points: Array) -> None:
+            rows = np.stack([points[: len(s)], points[len(s) :]], axis=1)
+            rows[..., 2] += lift_m
+            out.grid(rows, material=material, tag=Tag.ROAD, uv_m=uv, colour=(grey, grey, grey))
 
+        self._bands.add(self._lane + 1, np.concatenate([s, s]), np.concatenate(sides_m), lay)
 
-def _band(
-    bands: _Bands,
-    lane: int,
-    s: Array,
-    sides_m: tuple[Array, Array],
-    height_m: float,
-    material: Material,
-    uv_m: Array,
-    grey: float,
-) -> None:
-    def lay(out: MeshBuilder, points: Array) -> None:
-        rows = np.stack([points[: len(s)], points[len(s) :]], axis=1)
-        rows[..., 2] += height_m
-        out.grid(rows, material=material, tag=Tag.ROAD, uv_m=uv_m, colour=(grey, grey, grey))
+    def _places(self, step_m: float) -> Array:
+        """Stations about one per `step_m`, at random."""
+        start, length = self._strip.s_m[0], self._strip.s_m[-1] - self._strip.s_m[0]
+        count = int(self._draw.poisson(length / step_m))
+        places: Array = np.sort(start + 0.5 + self._draw.random(count) * (length - 1.0))
+        return places
 
-    bands.add(lane + 1, np.concatenate([s, s]), np.concatenate(sides_m), lay)
+    def _room(self, start: float, end: float) -> float:
+        """Least width of the lane between two stations [m]."""
+        strip, lane = self._strip, self._lane
+        at = [start, 0.5 * (start + end), end]
+        return float(np.interp(at, strip.s_m, strip.t_m[lane] - strip.t_m[lane + 1]).min())
 
+    def _take(self, place: Rectangle) -> bool:
+        """Whether a place is free; it is taken from now on."""
+        s0, s1, t0, t1 = place
+        free = not any(a < s1 and s0 < b and c < t1 and t0 < d for a, b, c, d in self._taken)
+        if free:
+            self._taken.append(place)
+        return free
 
-def _drains(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator) -> None:
-    """Gratings in the roadway along kerbs."""
-    if strip.kind(lane) != "roadway" or strip.unpaved(lane):
-        return
-    width = strip.t_m[lane] - strip.t_m[lane + 1]
-    for other, left in ((lane - 1, True), (lane + 1, False)):
-        if not 0 <= other < len(strip.lanes) or strip.kind(other) != "sidewalk" or width.min() < 0.25:
-            continue
-        low, high = (width.min() - 0.38, width.min() - 0.04) if left else (0.04, 0.38)
-        low, high = max(low, 0.02), min(high, width.min() - 0.02)
-        for start in _places(strip, DRAIN_STEP_M, draw):
-            if start + 0.6 < strip.s_m[-1] - 0.5:
-                span = (start, start + 0.55)
-                _sheet(bands, strip, lane, span, (low, high), COVER_M, Material.PLAIN, 13.0)
-
-
-def _sheet(
-    bands: _Bands,
-    strip: Strip,
-    lane: int,
-    span_m: tuple[float, float],
-    across_m: tuple[float, float],
-    height_m: float,
-    material: Material,
-    grey: float,
-) -> None:
-    """A thin rectangle on a lane; `across_m` counts from the lane's right edge to the left."""
-    inner = strip.s_m[(strip.s_m > span_m[0] + 1e-3) & (strip.s_m < span_m[1] - 1e-3)]
-    s = np.concatenate([[span_m[0]], inner, [span_m[1]]])
-    uv = np.stack(np.broadcast_arrays(np.array(across_m)[None] + 0.7, s[:, None] + 0.4), axis=-1)
-    sides = (np.full(len(s), across_m[0]), np.full(len(s), across_m[1]))
-    _band(bands, lane, s, sides, height_m, material, uv, grey)
-
-
-def _places(strip: Strip, step_m: float, draw: np.random.Generator) -> Array:
-    """Stations about one per `step_m`, at random."""
-    length = strip.s_m[-1] - strip.s_m[0]
-    count = int(draw.poisson(length / step_m))
-    places: Array = np.sort(strip.s_m[0] + 0.5 + draw.random(count) * (length - 1.0))
-    return places
+    def _is_painted(self, start: float, end: float) -> bool:
+        return any(low < end and start < high for low, high in self._painted)
 
 
 def _painted_spans(road: Road) -> Spans:
@@ -300,21 +282,3 @@ def _painted_spans(road: Road) -> Spans:
         for item in road.objects
         if item.type in ("crosswalk", "roadMark", "-1")
     ]
-
-
-def _take(taken: list[Rectangle], place: Rectangle) -> bool:
-    """Whether a place is free; it is taken from now on."""
-    s0, s1, t0, t1 = place
-    free = not any(a < s1 and s0 < b and c < t1 and t0 < d for a, b, c, d in taken)
-    if free:
-        taken.append(place)
-    return free
-
-
-def _meets(spans: Spans, start: float, end: float) -> bool:
-    return any(low < end and start < high for low, high in spans)
-
-
-def _width_at(strip: Strip, lane: int, start: float, end: float) -> float:
-    width = np.interp([start, 0.5 * (start + end), end], strip.s_m, strip.t_m[lane] - strip.t_m[lane + 1])
-    return float(width.min())

@@ -9,6 +9,7 @@ import numpy as np
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.height_fields import interpolated
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.opendrive.records import Road
@@ -106,30 +107,20 @@ class _Run:
     def _free(self, place: Rectangle, taken: list[Rectangle]) -> bool:
         """Whether a place lies on slabs and on nothing else; it is taken from now on."""
         s0, s1, t0, t1 = place
-        if s0 < self._s[0] or s1 > self._s[-1] or t1 - t0 < 0.15:
-            return False
-        if any(low < s1 and s0 < high for low, high in self._dropped):
-            return False
-        if any(a < s1 and s0 < b and c < t1 and t0 < d for a, b, c, d in taken):
+        outside = s0 < self._s[0] or s1 > self._s[-1] or t1 - t0 < 0.15
+        dropped = any(low < s1 and s0 < high for low, high in self._dropped)
+        if outside or dropped or any(a < s1 and s0 < b and c < t1 and t0 < d for a, b, c, d in taken):
             return False
         taken.append((s0 + 1e-3, s1 - 1e-3, t0 + 1e-3, t1 - 1e-3))
         return True
 
     def _quad(
-        self,
-        out: MeshBuilder,
-        place: Rectangle,
-        lift_m: float,
-        material: Material,
-        colour: tuple[float, float, float],
+        self, out: MeshBuilder, place: Rectangle, lift_m: float, material: Material, colour: Sequence[float]
     ) -> None:
-        s = np.array([place[0], place[1], place[1], place[0]])
-        across = np.array([place[2], place[2], place[3], place[3]])
-        points = np.empty((4, 3))
-        for k in range(3):
-            points[:, k] = np.interp(s, self._s, self._right[:, k]) + across * np.interp(
-                s, self._s, self._across[:, k]
-            )
+        s0, s1, t0, t1 = place
+        s, across = np.array([s0, s1, s1, s0]), np.array([t0, t0, t1, t1])
+        points = interpolated(s, self._s, self._right)
+        points += across[:, None] * interpolated(s, self._s, self._across)
         points[:, 2] += lift_m
         uv = np.stack([across, s], axis=-1)
         out.quads(points[None], material=material, tag=Tag.SIDEWALK, uv_m=uv[None], colour=colour)

@@ -10,6 +10,7 @@ from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.height_fields import interpolated
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.opendrive.records import Road
@@ -78,7 +79,7 @@ def _raised_run(
     kerb_left = first > 0 and strip.kind(first - 1) == "roadway"
     kerb_right = last < len(strip.lanes) - 1 and strip.kind(last + 1) == "roadway"
     s, near = _with_ramps(strip.s_m, spans)
-    left, right = _at(s, strip.s_m, left), _at(s, strip.s_m, right)
+    left, right = interpolated(s, strip.s_m, left), interpolated(s, strip.s_m, right)
     width = np.linalg.norm((left - right)[:, :2], axis=1)
     median = strip.kind(first) == "median"
     grass = median and width.mean() >= GRASS_MEDIAN_M
@@ -86,6 +87,7 @@ def _raised_run(
     tag = Tag.TERRAIN if grass else Tag.SIDEWALK
     tint = np.array((235.0, 235.0, 235.0) if grass else colour)
     inner = []
+    # Bands name their left line first: the outer one, or on the right side the inner one.
     for edge, other, side, kerb in ((left, right, 1, kerb_left), (right, left, -1, kerb_right)):
         raised = np.interp(s, strip.s_m, strip.raised_m[first if side > 0 else last, 0 if side > 0 else 1])
         low = edge.copy()
@@ -101,22 +103,8 @@ def _raised_run(
                 fall[:, 2] = np.maximum(raised - LIP_M, 0.0) * near
                 edge, within = edge - fall, within - fall
                 warn = np.where((near > 0.999)[:, None], np.array(BLISTER), tint)
-                _top(
-                    out,
-                    s,
-                    _left_first(within, deep, side),
-                    material,
-                    tag,
-                    warn[:, None] if not grass else tint,
-                )
-            _top(
-                out,
-                s,
-                _left_first(edge, within, side),
-                Material.KERB,
-                Tag.SIDEWALK,
-                np.array((225.0, 225.0, 222.0)),
-            )
+                _top(out, s, (within, deep)[::side], material, tag, tint if grass else warn[:, None])
+            _top(out, s, (edge, within)[::side], Material.KERB, Tag.SIDEWALK, np.array((225.0, 225.0, 222.0)))
             inner.append(deep if near.any() else within)
         else:
             inner.append(edge)
@@ -126,11 +114,6 @@ def _raised_run(
         out.quads(corners, uv_m=uv, material=face, tag=Tag.SIDEWALK, colour=(215, 215, 212))
     _top(out, s, (inner[0], inner[1]), material, tag, tint)
     _ends(out, left, right)
-
-
-def _left_first(outer: Array, inner: Array, side: int) -> tuple[Array, Array]:
-    """Both lines of a band, that on the left first; `side` is +1 where the outer one is on the left."""
-    return (outer, inner) if side > 0 else (inner, outer)
 
 
 def _with_ramps(s_m: Array, spans: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
@@ -147,13 +130,8 @@ def _with_ramps(s_m: Array, spans: Sequence[tuple[float, float]]) -> tuple[Array
     return s, down
 
 
-def _at(s: Array, s_m: Array, line: Array) -> Array:
-    """Points of a line (N, 3) at other stations."""
-    return np.stack([np.interp(s, s_m, line[:, k]) for k in range(3)], axis=-1)
-
-
 def _top(
-    out: MeshBuilder, s: Array, sides: tuple[Array, Array], material: Material, tag: Tag, colour: Array
+    out: MeshBuilder, s: Array, sides: tuple[Array, ...], material: Material, tag: Tag, colour: Array
 ) -> None:
     """A band between its left and its right side."""
     left, right = sides

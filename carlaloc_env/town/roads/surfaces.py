@@ -1,4 +1,4 @@
-"""All that wheels roll over and feet walk on: roads, sidewalks, junctions, terrain, bridges, paint."""
+"""Surfaces to drive and walk on: roads, sidewalks, junctions, terrain, bridges, paint."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Surfaces:
         self.paint = MeshBuilder()
         """Seen only."""
         self.events: list[Array] = [no_events()]
-        """What wheels feel beside the meshes, (N, 7) each."""
+        """Events that wheels feel beside the meshes, (N, 7) each."""
 
 
 def add_surfaces(out: Surfaces, network: LaneNetwork, work: Groundwork, seed: int) -> Array:
@@ -79,15 +79,14 @@ def _add_junctions(out: Surfaces, work: Groundwork, seed: int) -> None:
 
 
 def _add_waters(out: Surfaces, work: Groundwork) -> None:
-    promenades = shapely.union_all([area for kind, area in work.zones if kind == "waterfront"])
     beside = shapely.buffer(work.areas.paved, PROMENADE_M)
-    lined = shapely.difference(shapely.buffer(promenades, 1.5), beside)
+    lined = shapely.difference(shapely.buffer(work.zones.area("waterfront"), 1.5), beside)
     above = shapely.buffer(work.overhead, 0.8)
     add_water(out.raised, work.levels.waters, work.shore, work.ground, above, lined)
 
 
 def _ground_paving(work: Groundwork) -> Area:
-    """What the terrain leaves free: all paving on the ground, open cuts, filled stretches and waters."""
+    """Ground that the terrain leaves free: paving, open cuts, filled stretches and waters."""
     levels = work.levels
     result = shapely.union(
         work.areas.low_paved, shapely.union(levels.area(State.FILLED, State.BANK), levels.landings())

@@ -1,4 +1,4 @@
-"""A route for a town whose owner has given none: along lanes, by the roads least driven so far."""
+"""The default route of a town: along lanes, by the roads least driven so far."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.geometry.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.route import Route, cut_start, plan_route
+from carlaloc_env.town.routing.route import Route, plan_route
 
 ROUTE_LENGTH_M = 1000.0
 """Length sought."""
@@ -93,8 +93,8 @@ def _turns_on_the_spot(network: LaneNetwork) -> NDArray[np.bool_]:
     turned = np.add.reduceat(step, first)
     for lane in network.lanes:
         n = lane.index
-        for others, own, theirs in ((lane.predecessors, first, last), (lane.successors, last, first)):
-            kinks = [abs(float(wrap_angle(heading[own[n]] - heading[theirs[k]]))) for k in others]
+        for others, ours, theirs in ((lane.predecessors, first, last), (lane.successors, last, first)):
+            kinks = [abs(float(wrap_angle(heading[ours[n]] - heading[theirs[k]]))) for k in others]
             turned[n] += min(kinks, default=0.0)
     result: NDArray[np.bool_] = (turned > _BACK_RAD) & (tables.length_m < _LEAST_RADIUS_M * np.pi)
     return result
@@ -102,15 +102,15 @@ def _turns_on_the_spot(network: LaneNetwork) -> NDArray[np.bool_]:
 
 def _ways_to_come(network: LaneNetwork, usable: NDArray[np.bool_]) -> Array:
     """Longest way that one can drive from the beginning of each lane of a map without rings [m], (N,)."""
-    way_m = np.zeros(len(usable))
+    longest_m = np.zeros(len(usable))
     waiting = [n for n in range(len(usable)) if usable[n]]
     while waiting:
         lane = network.lanes[waiting.pop()]
-        after = max((float(way_m[n]) for n in lane.successors if usable[n]), default=0.0)
-        if lane.length_m + after > way_m[lane.index] + 1e-6:
-            way_m[lane.index] = lane.length_m + after
+        after = max((float(longest_m[n]) for n in lane.successors if usable[n]), default=0.0)
+        if lane.length_m + after > longest_m[lane.index] + 1e-6:
+            longest_m[lane.index] = lane.length_m + after
             waiting += [n for n in lane.predecessors if usable[n]]
-    return way_m
+    return longest_m
 
 
 def _walk(
@@ -148,6 +148,6 @@ def _planned(network: LaneNetwork, lanes: list[int], length_m: float, *, whole: 
     points = [(float(x), float(y)) for x, y, _ in places]
     try:
         route = plan_route(network, points, for_car=True)
-        return cut_start(route, length_m) if route.length_m > length_m else route
+        return route.cut_start(length_m) if route.length_m > length_m else route
     except MapError:
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -116,19 +116,19 @@ class Route:
         """
         if not self.closed:
             raise MapError("only a loop can start anywhere; set loop = true or move the first route point")
-        shift = -round(self.project(position_m)[0] / self.step_m)
-        return Route(
-            position_m=np.roll(self.position_m, shift, axis=0),
-            heading_rad=np.roll(self.heading_rad, shift),
-            slope=np.roll(self.slope, shift),
-            curvature_radpm=np.roll(self.curvature_radpm, shift),
-            speed_limit_mps=np.roll(self.speed_limit_mps, shift),
-            lane=np.roll(self.lane, shift),
-            lane_station_m=np.roll(self.lane_station_m, shift),
-            length_m=self.length_m,
-            closed=True,
-            fitted=None if self.fitted is None else np.roll(self.fitted, shift),
-        )
+        first = round(self.project(position_m)[0] / self.step_m)
+        return self._taking(np.roll(np.arange(len(self.position_m)), -first), self.length_m)
+
+    def cut_start(self, length_m: float) -> Route:
+        """The last `length_m` metres of an open route, to the nearest sample."""
+        first = max(len(self.position_m) - 1 - round(length_m / self.step_m), 0)
+        return self._taking(np.arange(first, len(self.position_m)), self.length_m - first * self.step_m)
+
+    def _taking(self, rows: Index, length_m: float) -> Route:
+        """A route of some of the samples, in their new order."""
+        samples = {name: getattr(self, name) for name in _SAMPLES}
+        taken = {name: value[rows] for name, value in samples.items() if value is not None}
+        return replace(self, length_m=length_m, **taken)
 
     def is_fitted(self, s_m: ArrayLike) -> NDArray[np.bool_]:
         """Whether the line leaves the lane's middle there for the car to fit round a tight turn, (M,)."""
@@ -160,6 +160,10 @@ class Route:
             return low, high - low
         low = min(max(low, 0), number - 1)
         return low, min(max(high, low + 1), number) - low
+
+
+_SAMPLES = tuple(field.name for field in fields(Route) if field.name not in ("length_m", "closed"))
+"""Fields of a route that have a row for each sample."""
 
 
 def plan_route(
@@ -202,7 +206,7 @@ def plan_route(
         raise MapError(
             f"the route is {route.length_m:.0f} m long, {length_m:.0f} m are asked; add or move a point"
         )
-    return cut_start(route, length_m)
+    return route.cut_start(length_m)
 
 
 def _positions(network: LaneNetwork, number: int, point: tuple[float, float]) -> list[LanePosition]:
@@ -224,13 +228,7 @@ def _sampled(network: LaneNetwork, line: RouteLine, fitted: NDArray[np.bool_], l
     if loop:
         # The last point is the first one again: keep it as the far end of the last piece.
         around = np.append(np.arange(len(line.lane) - 1), 0)
-        line = RouteLine(
-            line.position_m[around],
-            line.heading_rad[around],
-            line.slope[around],
-            line.lane[around],
-            line.station_m[around],
-        )
+        line = line.taking(around)
     p = line.position_m
     chord = np.hypot(np.diff(p[:, 0]), np.diff(p[:, 1]))
     turn = wrap_angle(np.diff(line.heading_rad))
@@ -289,21 +287,3 @@ def _curvature(heading_rad: Array, step_m: float, loop: bool) -> Array:
         return wrap_angle(np.roll(heading_rad, -1) - np.roll(heading_rad, 1)) / (2.0 * step_m)
     turn = wrap_angle(np.diff(heading_rad)) / step_m
     return np.concatenate([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
-
-
-def cut_start(route: Route, length_m: float) -> Route:
-    """The last `length_m` metres, to the nearest sample."""
-    first = len(route.position_m) - 1 - round(length_m / route.step_m)
-    first = max(first, 0)
-    return Route(
-        position_m=route.position_m[first:],
-        heading_rad=route.heading_rad[first:],
-        slope=route.slope[first:],
-        curvature_radpm=route.curvature_radpm[first:],
-        speed_limit_mps=route.speed_limit_mps[first:],
-        lane=route.lane[first:],
-        lane_station_m=route.lane_station_m[first:],
-        length_m=route.length_m - first * route.step_m,
-        closed=False,
-        fitted=None if route.fitted is None else route.fitted[first:],
-    )

@@ -32,6 +32,15 @@ class RouteLine(NamedTuple):
     lane: Index
     station_m: Array
 
+    def taking(self, rows: Index | slice) -> RouteLine:
+        """Some of the points, in their new order."""
+        return RouteLine._make(values[rows] for values in self)
+
+
+def joined(parts: Sequence[RouteLine]) -> RouteLine:
+    """One line of several, in their order."""
+    return RouteLine._make(np.concatenate(values) for values in zip(*parts, strict=True))
+
 
 class _Swerve(NamedTuple):
     """A lane change that may run on over neighbouring sections of its road."""
@@ -56,15 +65,9 @@ def trace(network: LaneNetwork, spans: Sequence[LaneSpan]) -> RouteLine:
         _trace_swerve(network, part) if isinstance(part, _Swerve) else _trace_span(network, part)
         for part in _with_room(network, spans)
     ]
-    position = np.concatenate([part.position_m for part in parts])
-    keep = _spaced(position)
-    return RouteLine(
-        position[keep],
-        _believable(position[keep], np.concatenate([part.heading_rad for part in parts])[keep]),
-        np.concatenate([part.slope for part in parts])[keep],
-        np.concatenate([part.lane for part in parts])[keep],
-        np.concatenate([part.station_m for part in parts])[keep],
-    )
+    whole = joined(parts)
+    line = whole.taking(_spaced(whole.position_m))
+    return line._replace(heading_rad=_believable(line.position_m, line.heading_rad))
 
 
 def _believable(position_m: NDArray[np.float64], heading_rad: Array) -> Array:
@@ -72,8 +75,8 @@ def _believable(position_m: NDArray[np.float64], heading_rad: Array) -> Array:
     if len(position_m) < 3:
         return heading_rad
     step = np.gradient(position_m[:, :2], axis=0)
-    gone = elementary.arctan2(step[:, 1], step[:, 0])
-    result: Array = np.where(np.abs(wrap_angle(gone - heading_rad)) < _ASTRAY_RAD, heading_rad, gone)
+    course = elementary.arctan2(step[:, 1], step[:, 0])
+    result: Array = np.where(np.abs(wrap_angle(course - heading_rad)) < _ASTRAY_RAD, heading_rad, course)
     return result
 
 
@@ -110,9 +113,8 @@ def _after(network: LaneNetwork, swerve: _Swerve, span: LaneSpan) -> _Piece | No
         return None
     begin, end = _s_at(network, new, span.from_fraction), _s_at(network, new, span.to_fraction)
     reach = min(BLEND_M - swerve.room_m(), abs(end - begin))
-    return (
-        _Piece(beside[0], new, begin, begin + (reach if record.forward else -reach)) if reach > 0.0 else None
-    )
+    end = begin + (reach if record.forward else -reach)
+    return _Piece(beside[0], new, begin, end) if reach > 0.0 else None
 
 
 def _before(network: LaneNetwork, swerve: _Swerve, span: LaneSpan | _Swerve) -> _Piece | None:
@@ -136,7 +138,7 @@ def _alike(network: LaneNetwork, a: int, b: int) -> bool:
 
 
 def _rest(network: LaneNetwork, span: LaneSpan, piece: _Piece, *, after: bool) -> list[LaneSpan]:
-    """What a swerve leaves of the span that it grew into."""
+    """The rest of a span that a swerve grew into."""
     lane = span.lanes[0]
     cut = network.station_at(lane, piece.to_s_m if after else piece.from_s_m)
     fraction = cut / max(network.lanes[lane].length_m, 1e-9)
@@ -188,18 +190,18 @@ def _trace_span(network: LaneNetwork, span: LaneSpan) -> RouteLine:
 def _trace_swerve(network: LaneNetwork, swerve: _Swerve) -> RouteLine:
     """One lane change over all of its pieces, in the middle of its way."""
     room = max(swerve.room_m(), 1e-6)
-    old, new, s, gone = [], [], [], []
+    old, new, s, driven_m = [], [], [], []
     done = 0.0
     for piece in swerve.pieces:
-        own = abs(piece.to_s_m - piece.from_s_m)
-        count = max(2, int(np.ceil(own / SAMPLE_M)) + 1)
+        length_of_piece = abs(piece.to_s_m - piece.from_s_m)
+        count = max(2, int(np.ceil(length_of_piece / SAMPLE_M)) + 1)
         s.append(np.linspace(piece.from_s_m, piece.to_s_m, count))
-        gone.append(np.linspace(done, done + own, count))
+        driven_m.append(np.linspace(done, done + length_of_piece, count))
         old.append(np.full(count, piece.old))
         new.append(np.full(count, piece.new))
-        done += own
+        done += length_of_piece
     length = min(BLEND_M, room)
-    tau = np.clip((np.concatenate(gone) - 0.5 * (room - length)) / length, 0.0, 1.0)
+    tau = np.clip((np.concatenate(driven_m) - 0.5 * (room - length)) / length, 0.0, 1.0)
     return _blend(network, np.concatenate(old), np.concatenate(new), np.concatenate(s), tau, length)
 
 
@@ -218,21 +220,12 @@ def _blend(network: LaneNetwork, old: Index, new: Index, s: Array, tau: Array, l
     sign = np.where(network.forward[old], 1.0, -1.0)
     gap = b.position_m - a.position_m
     position = a.position_m + fraction[:, None] * gap
-    velocity = [
-        sign
-        * ((1.0 - fraction) * a.stretch * turn(a.heading_rad) + fraction * b.stretch * turn(b.heading_rad))
-        + rate * gap[:, k]
+    from_a, to_b = (1.0 - fraction) * a.stretch, fraction * b.stretch
+    x, y = (
+        sign * (from_a * turn(a.heading_rad) + to_b * turn(b.heading_rad)) + rate * gap[:, k]
         for k, turn in enumerate((elementary.cos, elementary.sin))
-    ]
-    speed = np.maximum(np.hypot(*velocity), 1e-9)
-    climb = (
-        sign * ((1.0 - fraction) * a.stretch * a.slope + fraction * b.stretch * b.slope) + rate * gap[:, 2]
     )
+    climb = sign * (from_a * a.slope + to_b * b.slope) + rate * gap[:, 2]
+    slope = climb / np.maximum(np.hypot(x, y), 1e-9)
     lane = np.where(fraction < 0.5, old, new)
-    return RouteLine(
-        position,
-        elementary.arctan2(velocity[1], velocity[0]),
-        climb / speed,
-        lane,
-        network.station_m(lane, s),
-    )
+    return RouteLine(position, elementary.arctan2(y, x), slope, lane, network.station_m(lane, s))

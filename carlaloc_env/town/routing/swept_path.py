@@ -18,6 +18,8 @@ from carlaloc_env.core.ego_car import (
     EGO_WHEELBASE_M,
 )
 from carlaloc_env.town.ground.flush_sidewalks import lower_walks
+from carlaloc_env.town.ground.grade_graph import runs
+from carlaloc_env.town.ground.height_fields import distance_along
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import town_areas
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -35,9 +37,9 @@ _NEAR_M = 60.0
 """As far as the roads reach round an island [m]."""
 _LEVEL_M = 2.0
 _HIGH_M = 0.05
-"""What stands higher above the road is a kerb [m]."""
+"""Edges that stand higher above the road are kerbs [m]."""
 _TOO_TIGHT, _TOO_SUDDEN, _SUDDEN = 20.0, 1.0, 0.15
-"""What a curvature above the greatest costs [m per 1/m], and one that changes faster than 0.15 /m a metre."""
+"""Cost of a curvature above the greatest [m per 1/m], and of one that changes faster than 0.15 /m a metre."""
 _ROOM = frozenset({"shoulder", "stop", "border", "parking", "biking", "bus", "restricted"})
 
 
@@ -45,12 +47,8 @@ def _both_sides(x: Array, y_m: float) -> Array:
     return np.stack(np.broadcast_arrays(x[None], np.array([[y_m], [-y_m]])), axis=-1).reshape(-1, 2)
 
 
-WHEELS_M = _both_sides(
-    (
-        np.array([[0.0], [EGO_WHEELBASE_M]]) + np.array([-EGO_TYRE_ENVELOPE_M, 0.0, EGO_TYRE_ENVELOPE_M])
-    ).ravel(),
-    EGO_TYRE_OUTER_M,
-)
+_TYRE_M = np.array([-EGO_TYRE_ENVELOPE_M, 0.0, EGO_TYRE_ENVELOPE_M])
+WHEELS_M = _both_sides(np.concatenate([_TYRE_M, EGO_WHEELBASE_M + _TYRE_M]), EGO_TYRE_OUTER_M)
 """Where tyres touch, from the rear axle's middle [m], (W, 2)."""
 BODY_M = _both_sides(EGO_REAR_M + np.linspace(0.0, EGO_SIZE_M[0], 6), 0.5 * EGO_SIZE_M[1])
 """The body's sides [m], (B, 2)."""
@@ -94,8 +92,7 @@ def kerb_room(xy_m: Array, heading_rad: Array, room: FreeSpace) -> tuple[Array, 
 
 def cost_of(xy_m: Array, heading_rad: Array, room: FreeSpace) -> float:
     """How ill a line suits the car: kerbs, ground beside the road, others' lanes, and bends too tight [m]."""
-    step = np.diff(xy_m, axis=0)
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
+    s = distance_along(xy_m)
     bend = (np.interp(s + 1.0, s, heading_rad) - np.interp(s - 1.0, s, heading_rad)) / 2.0
     change = np.abs(np.interp(s + 1.0, s, bend) - np.interp(s - 1.0, s, bend)) / 2.0
     sharp = float(np.abs(bend).max())
@@ -120,10 +117,10 @@ def cost_of(xy_m: Array, heading_rad: Array, room: FreeSpace) -> float:
     )
 
 
-def room_about(network: LaneNetwork, own: RouteLine) -> FreeSpace:
+def room_about(network: LaneNetwork, piece: RouteLine) -> FreeSpace:
     """Room about a piece of a route."""
-    low = own.position_m[:, :2].min(axis=0) - _MARGIN_M
-    high = own.position_m[:, :2].max(axis=0) + _MARGIN_M
+    low = piece.position_m[:, :2].min(axis=0) - _MARGIN_M
+    high = piece.position_m[:, :2].max(axis=0) + _MARGIN_M
     count = np.ceil((high - low) / _CELL_M).astype(int) + 1
     x, y = (low[k] + (np.arange(count[k]) + 0.5) * _CELL_M for k in range(2))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -133,8 +130,8 @@ def room_about(network: LaneNetwork, own: RouteLine) -> FreeSpace:
         result: NDArray[np.bool_] = shapely.contains_xy(area, grid[:, 0], grid[:, 1]).reshape(count)
         return result
 
-    raised, asphalt = (inside(area) for area in raised_near(network, own))
-    lanes = inside(shapely.union_all(_lanes_near(network, own, low, high), grid_size=1e-4))
+    raised, asphalt = (inside(area) for area in raised_near(network, piece))
+    lanes = inside(shapely.union_all(_lanes_near(network, piece), grid_size=1e-4))
     return FreeSpace(low, _away(raised) - _away(~raised), _away(asphalt | lanes), _away(lanes))
 
 
@@ -146,14 +143,9 @@ def _away(here: NDArray[np.bool_]) -> Array:
     return result
 
 
-def raised_near(network: LaneNetwork, own: RouteLine) -> tuple[Area, Area]:
-    """What stands raised near a piece of a route, as the town is built: sidewalks, islands; and asphalt."""
-    tables = network.tables
-    low, high = own.position_m[:, :2].min(axis=0) - _NEAR_M, own.position_m[:, :2].max(axis=0) + _NEAR_M
-    inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
-    level = np.abs(tables.position_m[:, 2] - float(own.position_m[:, 2].mean())) < _LEVEL_M
-    owner = np.searchsorted(tables.first, np.flatnonzero(inside & level), side="right") - 1
-    near = [network.lanes[n] for n in np.unique(owner).tolist()]
+def raised_near(network: LaneNetwork, piece: RouteLine) -> tuple[Area, Area]:
+    """Raised areas near a piece of a route (sidewalks and islands, as the town is built), and asphalt."""
+    near = [network.lanes[n] for n in _lanes_about(network, piece, _NEAR_M)]
     junctions = {lane.junction_id for lane in near} - {None}
     roads = network.xodr.roads
     ids = {lane.road_id for lane in near} | {road.id for road in roads if road.junction_id in junctions}
@@ -172,33 +164,36 @@ def _high_walks(strip: Strip) -> list[Area]:
             continue
         left, right = strip.lane_edges(lane)
         up = strip.raised_m[lane].max(axis=0) > _HIGH_M
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], up, [False]]).astype(np.int8)))
-        for a, b in edges.reshape(-1, 2).tolist():
-            if b - a > 1:
-                found.append(strip_polygon(left[a:b], right[a:b]))
+        found += [strip_polygon(left[a:b], right[a:b]) for a, b in runs(up) if b - a > 1]
     return found
 
 
-def _lanes_near(network: LaneNetwork, own: RouteLine, low: Array, high: Array) -> list[Area]:
+def _lanes_about(network: LaneNetwork, piece: RouteLine, margin_m: float) -> list[int]:
+    """Lanes at the level of a piece of a route that come into the box about it, `margin_m` wider."""
+    tables = network.tables
+    low, high = piece.position_m[:, :2].min(axis=0) - margin_m, piece.position_m[:, :2].max(axis=0) + margin_m
+    inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
+    level = np.abs(tables.position_m[:, 2] - float(piece.position_m[:, 2].mean())) < _LEVEL_M
+    owner = np.searchsorted(tables.first, np.flatnonzero(inside & level), side="right") - 1
+    lanes: list[int] = np.unique(owner).tolist()
+    return lanes
+
+
+def _lanes_near(network: LaneNetwork, piece: RouteLine) -> list[Area]:
     """Lanes in junctions, the route's own lanes, and the verges beside these."""
     tables = network.tables
-    mine = {int(n) for n in np.unique(own.lane)}
+    mine = {int(n) for n in np.unique(piece.lane)}
     roads = {network.lanes[n].road_id for n in mine}
-    inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
-    level = np.abs(tables.position_m[:, 2] - float(own.position_m[:, 2].mean())) < _LEVEL_M
-    rows = np.flatnonzero(inside & level)
-    owner = np.searchsorted(tables.first, rows, side="right") - 1
     found = []
-    for number in np.unique(owner).tolist():
+    for number in _lanes_about(network, piece, _MARGIN_M):
         lane = network.lanes[number]
         crossing = lane.junction_id is not None and lane.type in DRIVABLE_TYPES
         if not (number in mine or crossing or (lane.type in _ROOM and lane.road_id in roads)):
             continue
         at = slice(int(tables.first[number]), int(tables.first[number] + tables.count[number]))
         half = 0.5 * tables.width_m[at][:, None]
-        left = np.stack(
-            [-elementary.sin(tables.heading_rad[at]), elementary.cos(tables.heading_rad[at])], axis=-1
-        )
+        heading = tables.heading_rad[at]
+        left = np.stack([-elementary.sin(heading), elementary.cos(heading)], axis=-1)
         middle = tables.position_m[at, :2]
         found.append(strip_polygon(middle + half * left, middle - half * left))
     return found

@@ -17,9 +17,10 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.town.ground.height_fields import distance_along, interpolated
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.off_tracking import inside_line
-from carlaloc_env.town.routing.smoothing import SAMPLE_M, RouteLine
+from carlaloc_env.town.routing.smoothing import SAMPLE_M, RouteLine, joined
 from carlaloc_env.town.routing.swept_path import cost_of, kerb_room, room_about
 
 TIGHT_M = 6.2
@@ -64,29 +65,17 @@ def fit_turns(network: LaneNetwork, line: RouteLine) -> tuple[RouteLine, NDArray
         piece = _fit(network, line, turn)
         if piece is None:
             continue
-        parts += [_rows(line, slice(done, turn.start)), piece]
+        parts += [line.taking(slice(done, turn.start)), piece]
         fitted += [np.zeros(turn.start - done, dtype=bool), np.ones(len(piece.lane), dtype=bool)]
         done = turn.end + 1
-    parts.append(_rows(line, slice(done, None)))
+    parts.append(line.taking(slice(done, None)))
     fitted.append(np.zeros(len(line.lane) - done, dtype=bool))
-    joined = RouteLine(
-        np.concatenate([part.position_m for part in parts]),
-        np.concatenate([part.heading_rad for part in parts]),
-        np.concatenate([part.slope for part in parts]),
-        np.concatenate([part.lane for part in parts]),
-        np.concatenate([part.station_m for part in parts]),
-    )
-    return joined, np.concatenate(fitted)
-
-
-def _rows(line: RouteLine, rows: slice) -> RouteLine:
-    p, h, slope, lane, station = line
-    return RouteLine(p[rows], h[rows], slope[rows], lane[rows], station[rows])
+    return joined(parts), np.concatenate(fitted)
 
 
 def _tight_turns(line: RouteLine) -> list[_Turn]:
     """Turns that may be too tight, none of them reaching into its neighbours."""
-    s = _along(line.position_m[:, :2])
+    s = distance_along(line.position_m)
     heading = np.unwrap(line.heading_rad)
     sharp = (_bend(s, heading, WINDOW_M) > 1.0 / TIGHT_M) | (_bend(s, heading, 0.5 * WINDOW_M) > 1.0 / KINK_M)
     tight = np.flatnonzero(sharp)
@@ -112,17 +101,12 @@ def _bend(s: Array, heading: Array, window_m: float) -> Array:
     return result
 
 
-def _along(xy_m: Array) -> Array:
-    step = np.diff(xy_m, axis=0)
-    return np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
-
-
 def _fit(network: LaneNetwork, line: RouteLine, turn: _Turn) -> RouteLine | None:
     """The best line through a turn, None where the driver's own way needs no better."""
-    own = _rows(line, slice(turn.start, turn.end + 1))
-    xy, heading = own.position_m[:, :2], np.unwrap(own.heading_rad)
-    s = _along(xy)
-    room = room_about(network, own)
+    piece = line.taking(slice(turn.start, turn.end + 1))
+    xy, heading = piece.position_m[:, :2], np.unwrap(piece.heading_rad)
+    s = distance_along(xy)
+    room = room_about(network, piece)
     _, used_m, used_rad = inside_line(s, xy, heading)
     steep = _bend(s, heading, WINDOW_M).max() > 1.0 / STEEP_M
     if not steep and kerb_room(used_m, used_rad, room)[0].min() > LEAST_ROOM_M:
@@ -148,7 +132,7 @@ def _fit(network: LaneNetwork, line: RouteLine, turn: _Turn) -> RouteLine | None
     found = path(best)
     if found is None or cost(best) >= cost_of(used_m, used_rad, room):
         return None
-    return _as_line(own, *found)
+    return _as_line(piece, *found)
 
 
 def _refined(cost: Callable[[_Shape], float], shape: _Shape) -> _Shape:
@@ -203,15 +187,15 @@ def _beside(
     share = share if rising else 1.0 - share
     off = lateral_m * share * share * share * (10.0 - share * (15.0 - 6.0 * share))
     h = np.interp(at, s, heading)
-    points = np.stack([np.interp(at, s, xy[:, k]) for k in range(2)], axis=-1)
+    points = interpolated(at, s, xy)
     points += off[:, None] * np.stack([-elementary.sin(h), elementary.cos(h)], axis=-1)
     return points, float(h[-1] if rising else h[0])
 
 
-def _as_line(own: RouteLine, xy: Array, heading: Array) -> RouteLine:
+def _as_line(middle: RouteLine, xy: Array, heading: Array) -> RouteLine:
     """Points of a fitted line with heights, lanes and stations of the middle beside them."""
-    nearest = np.asarray(cKDTree(own.position_m[:, :2]).query(xy)[1])
-    nearest[0], nearest[-1] = 0, len(own.lane) - 1
+    nearest = np.asarray(cKDTree(middle.position_m[:, :2]).query(xy)[1])
+    nearest[0], nearest[-1] = 0, len(middle.lane) - 1
     row = np.maximum.accumulate(nearest)
-    position = np.column_stack([xy, own.position_m[row, 2]])
-    return RouteLine(position, heading, own.slope[row], own.lane[row], own.station_m[row])
+    position = np.column_stack([xy, middle.position_m[row, 2]])
+    return RouteLine(position, heading, middle.slope[row], middle.lane[row], middle.station_m[row])

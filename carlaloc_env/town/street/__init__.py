@@ -1,1 +1,1 @@
-"""What stands along streets: furniture, signals, parked cars, landmarks."""
+"""Things along streets: furniture, signals, parked cars, landmarks."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +12,9 @@ from carlaloc_env.assets.street.traffic_signs import sign
 from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import State
-from carlaloc_env.town.ground.road_edges import RoadEdge
+from carlaloc_env.town.ground.road_edges import Waysides
 from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area
@@ -66,22 +64,24 @@ class CarPark:
         a, b = np.broadcast_arrays(along_m, inward_m)
         return np.asarray(self.corner_m + a[..., None] * self.along + b[..., None] * self.inward)
 
+    def face_up(self, faces: Array) -> Array:
+        """Faces (N, K, 3) of points along and away from the street, turned so that they look up."""
+        upwards = self.along[0] * self.inward[1] - self.along[1] * self.inward[0] > 0
+        return faces if upwards else faces[:, ::-1]
+
     def area(self) -> Area:
         """Its ground."""
         w = self.width_m
         return shapely.Polygon(self.points(np.array([0, w, w, 0.0]), np.array([0, 0, DEPTH_M, DEPTH_M])))
 
 
-def place_car_parks(
-    edges: Sequence[RoadEdge], zones: Sequence[tuple[str, Area]], blocked: Area, ground: Terrain, seed: int
-) -> list[CarPark]:
+def place_car_parks(ways: Waysides, blocked: Area) -> list[CarPark]:
     """Car parks along streets with sidewalks, where nothing else is in the way."""
     shapely.prepare(blocked)
     found: list[CarPark] = []
-    for edge in edges:
-        draw = rng.stream(seed, f"car park/{edge.name}")
-        middle = edge.line_m[len(edge.line_m) // 2]
-        kind = next((k for k, area in zones if shapely.intersects_xy(area, middle[0], middle[1])), "")
+    for edge in ways.edges:
+        draw = rng.stream(ways.seed, f"car park/{edge.name}")
+        kind = ways.zones.kind_at(edge.line_m[len(edge.line_m) // 2])
         bays = int(draw.integers(BAYS[0], BAYS[1] + 1))
         share, chance = float(draw.uniform(0.2, 0.8)), draw.random()
         room = len(edge.line_m) - bays * BAY_M[0] - 14.0
@@ -100,7 +100,7 @@ def place_car_parks(
             corner_m=a + inward * (bow + 0.12), along=along, inward=inward, bays=bays, name=edge.name
         )
         corners = park.points(*np.meshgrid(np.linspace(0, park.width_m, 5), np.linspace(0, DEPTH_M, 4)))
-        z = ground.height(corners.reshape(-1, 2))
+        z = ways.ground.height(corners.reshape(-1, 2))
         clear = not shapely.intersects(blocked, shapely.buffer(park.area(), -0.2))
         alone = not any(shapely.dwithin(park.area(), other.area(), 8.0) for other in found)
         if np.ptp(z) < STEEPEST_M and clear and alone:
@@ -108,11 +108,10 @@ def place_car_parks(
     return found
 
 
-def add_car_park(
-    out: MeshBuilder, cars: ParkedCars, park: CarPark, ground: Terrain, seed: int, instance: int
-) -> None:
+def add_car_park(out: MeshBuilder, cars: ParkedCars, park: CarPark, ways: Waysides, instance: int) -> None:
     """Surface, lines, cars, fence and sign of one car park."""
-    draw = rng.stream(seed, f"car park/{park.name}", index=1)
+    ground = ways.ground
+    draw = rng.stream(ways.seed, f"car park/{park.name}", index=1)
     _surface(out, park, ground)
     _lines(out, park, ground)
     entrance = 1 + int(draw.integers(park.bays - 3))
@@ -136,14 +135,8 @@ def _surface(out: MeshBuilder, park: CarPark, ground: Terrain) -> None:
     b = np.linspace(-0.06, DEPTH_M, 7)
     xy = park.points(*np.meshgrid(a, b, indexing="ij"))
     z = ground.height(xy.reshape(-1, 2)).reshape(xy.shape[:2]) + _LIFT_M - 0.01
-    points = np.concatenate([xy, z[..., None]], axis=-1)
-    upwards = park.along[0] * park.inward[1] - park.along[1] * park.inward[0] > 0
-    out.grid(
-        points if upwards else points[:, ::-1],
-        material=Material.ASPHALT_OLD,
-        tag=Tag.GROUND,
-        colour=(228, 226, 222),
-    )
+    points = park.face_up(np.concatenate([xy, z[..., None]], axis=-1))
+    out.grid(points, material=Material.ASPHALT_OLD, tag=Tag.GROUND, colour=(228, 226, 222))
 
 
 def _lines(out: MeshBuilder, park: CarPark, ground: Terrain) -> None:
@@ -154,13 +147,11 @@ def _lines(out: MeshBuilder, park: CarPark, ground: Terrain) -> None:
             a = np.array([at - _LINE_M / 2, at + _LINE_M / 2] * 2)
             for piece in range(2):
                 low, high = depth + piece * BAY_M[1] / 2, depth + (piece + 1) * BAY_M[1] / 2
-                corners = park.points(a[[0, 1, 1, 0]], np.array([low, low, high, high]))
-                quads.append(corners)
+                quads.append(park.points(a[[0, 1, 1, 0]], np.array([low, low, high, high])))
     xy = np.array(quads)
     z = ground.height(xy.reshape(-1, 2)).reshape(xy.shape[:2]) + _LIFT_M + 0.008
-    points = np.concatenate([xy, z[..., None]], axis=-1)
-    upwards = park.along[0] * park.inward[1] - park.along[1] * park.inward[0] > 0
-    out.quads(points if upwards else points[:, ::-1], material=Material.ROAD_PAINT_WHITE, tag=Tag.ROAD_LINE)
+    points = park.face_up(np.concatenate([xy, z[..., None]], axis=-1))
+    out.quads(points, material=Material.ROAD_PAINT_WHITE, tag=Tag.ROAD_LINE)
 
 
 def _fences(out: MeshBuilder, park: CarPark, ground: Terrain, instance: int) -> None:
@@ -178,8 +169,4 @@ def _fences(out: MeshBuilder, park: CarPark, ground: Terrain, instance: int) -> 
             xy = start + direction * k * length / count
             feet.append([*xy, float(ground.height(xy[None])[0])])
             yaws.append(float(elementary.arctan2(direction[1], direction[0])))
-    out.add(copies(_mesh_fence(), poses(np.array(feet), np.array(yaws)), instance))
-
-
-def _mesh_fence() -> Mesh:
-    return fence(3.0, 1.0, kind="rails")
+    out.add(copies(fence(3.0, 1.0, kind="rails"), poses(np.array(feet), np.array(yaws)), instance))

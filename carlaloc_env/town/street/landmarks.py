@@ -26,7 +26,7 @@ from carlaloc_env.town.buildings.monuments import fountain, monument
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.config import Feature
 from carlaloc_env.town.ground.height_fields import HeightOf
-from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads, turned
 from carlaloc_env.town.meshing.polygons import Area, areas_only, triangulate
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.street.car_parks import BAY_M, DEPTH_M, CarPark
@@ -67,7 +67,7 @@ class Site:
     """A feature and the ground that it takes."""
 
     feature: Feature
-    """What stands there."""
+    """The feature."""
     ground: Area
     """Where neither buildings nor trees stand."""
 
@@ -132,11 +132,9 @@ def _extent(feature: Feature) -> tuple[float, float]:
     return (size[1] if len(size) > 1 else along), (size[0] if size else across)
 
 
-def _placed(feature: Feature, xy: Array) -> Array:
-    heading = np.radians(feature.heading_deg)
-    c, s = elementary.cos(heading), elementary.sin(heading)
-    x, y = xy.T
-    return np.stack([feature.position[0] + c * x - s * y, feature.position[1] + s * x + c * y], axis=-1)
+def _placed(feature: Feature, points: Array) -> Array:
+    """Points (..., 2 or 3) of a feature's frame in the world; heights stay."""
+    return turned(points, feature.position, np.radians(feature.heading_deg))
 
 
 def _apron(area: Area, floor: HeightOf) -> Mesh:
@@ -195,9 +193,7 @@ def _viaduct(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
 
     def box(low: Array, high: Array, material: Material, tag: Tag, colour: tuple[int, int, int]) -> None:
         faces = box_quads(low, high, bottom=True)
-        flat = _placed(feature, faces[..., :2].reshape(-1, 2))
-        faces[..., :2] = flat.reshape(-1, 4, 2)
-        out.quads(faces, material=material, tag=tag, colour=colour)
+        out.quads(_placed(feature, faces), material=material, tag=tag, colour=colour)
 
     starts = along[:-1]
     row = np.ones(len(starts))

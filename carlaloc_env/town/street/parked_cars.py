@@ -17,11 +17,12 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.height_fields import distance_along, interpolated
 from carlaloc_env.town.ground.lane_strips import Strip
-from carlaloc_env.town.ground.road_edges import RoadEdge
+from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides
 from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
-from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads, turned
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 
@@ -45,7 +46,7 @@ VERGES = {"residential": 0.3, "small_town": 0.2}
 DRIVES = {"residential": 0.75, "small_town": 0.35}
 """Share of the possible drives that are laid."""
 SLOWEST_MPS = 70.0 / 3.6
-"""Nobody parks beside roads with a higher limit [m/s]."""
+"""No car parks beside roads with a higher limit [m/s]."""
 
 
 @dataclass(slots=True, eq=False)
@@ -74,11 +75,8 @@ class ParkedCars:
 
     def footprints(self) -> list[Area]:
         """Plan-view rectangles."""
-        found = []
-        for name, foot, yaw in zip(self.names, self.feet_m, self.yaws_rad, strict=True):
-            size = VEHICLES[name].size_m
-            found.append(rectangle(foot[:2], yaw, size[0], size[1]))
-        return found
+        cars = zip(self.names, self.feet_m, self.yaws_rad, strict=True)
+        return [rectangle(foot[:2], yaw, *VEHICLES[name].size_m[:2]) for name, foot, yaw in cars]
 
     def meshes(self, ids: InstanceIds) -> list[Mesh]:
         """All cars, with an instance id each."""
@@ -89,8 +87,8 @@ class ParkedCars:
             if len(rows):
                 T = poses(np.array(self.feet_m)[rows], np.array(self.yaws_rad)[rows])
                 paint = np.array(self.tints, dtype=np.float64)[rows] / 255.0
-                own = copies(vehicle(name).low, T, ids.take(len(rows)), paint, tinted=Material.CAR_PAINT)
-                found.append(_with_plates(own))
+                model, first = vehicle(name).low, ids.take(len(rows))
+                found.append(_with_plates(copies(model, T, first, paint, tinted=Material.CAR_PAINT)))
         return found
 
     def add_boxes(self, solid: MeshBuilder) -> None:
@@ -98,12 +96,9 @@ class ParkedCars:
         for name, foot, yaw in zip(self.names, self.feet_m, self.yaws_rad, strict=True):
             length, width, height = VEHICLES[name].size_m
             box = box_quads([-length / 2, -width / 2, 0.0], [length / 2, width / 2, height])
-            c, s = elementary.cos(yaw), elementary.sin(yaw)
-            turned = box.copy()
-            turned[..., 0] = foot[0] + c * box[..., 0] - s * box[..., 1]
-            turned[..., 1] = foot[1] + s * box[..., 0] + c * box[..., 1]
-            turned[..., 2] += foot[2]
-            solid.quads(turned, material=Material.PLAIN, tag=Tag.CAR)
+            placed = turned(box, foot, yaw)
+            placed[..., 2] += foot[2]
+            solid.quads(placed, material=Material.PLAIN, tag=Tag.CAR)
 
 
 def _with_plates(cars: Mesh) -> Mesh:
@@ -123,17 +118,15 @@ def rectangle(centre: Array, yaw: float, length: float, width: float) -> Area:
     return shapely.Polygon(corners[:, :1] * turn[0] + corners[:, 1:] * turn[1] + centre)
 
 
-def park_in_lanes(
-    cars: ParkedCars, strips: Sequence[Strip], zones: Sequence[tuple[str, Area]], crosswalks: Area, seed: int
-) -> None:
+def park_in_lanes(cars: ParkedCars, strips: Sequence[Strip], ways: Waysides, crosswalks: Area) -> None:
     """Cars in parking lanes and on wide shoulders of slow roads in towns."""
     shapely.prepare(crosswalks)
     for strip in strips:
         if strip.junction_id is not None:
             continue
-        for lane, own in enumerate(strip.lanes):
-            if own.type == "parking" or (own.type == "shoulder" and _walk_beside(strip, lane)):
-                _park_lane(cars, strip, lane, zones, crosswalks, seed)
+        for lane, record in enumerate(strip.lanes):
+            if record.type == "parking" or (record.type == "shoulder" and _walk_beside(strip, lane)):
+                _park_lane(cars, strip, lane, ways, crosswalks)
 
 
 def _walk_beside(strip: Strip, lane: int) -> bool:
@@ -142,25 +135,18 @@ def _walk_beside(strip: Strip, lane: int) -> bool:
     )
 
 
-def _park_lane(
-    cars: ParkedCars,
-    strip: Strip,
-    lane: int,
-    zones: Sequence[tuple[str, Area]],
-    crosswalks: Area,
-    seed: int,
-) -> None:
+def _park_lane(cars: ParkedCars, strip: Strip, lane: int, ways: Waysides, crosswalks: Area) -> None:
     least = PARKING_WIDTH_M if strip.lanes[lane].type == "parking" else SHOULDER_WIDTH_M
-    draw = rng.stream(seed, f"parked/{strip.road_id}/{strip.section}/{lane}")
+    draw = rng.stream(ways.seed, f"parked/{strip.road_id}/{strip.section}/{lane}")
     left, right = strip.lane_edges(lane)
     width = np.hypot(*(left - right)[:, :2].T)
     middle = 0.5 * (left + right)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle[:, :2], axis=0).T))])
+    along = distance_along(middle)
     for at in np.arange(JUNCTION_M, along[-1] - JUNCTION_M, SPACE_M):
         taken, wander = draw.random(), float(draw.uniform(-0.5, 0.5))
         span = np.array([at - 2.7, at, at + 2.7]) + wander
-        spots = np.stack([np.interp(span, along, middle[:, k]) for k in range(3)], axis=-1)
-        kind = _kinds(zones, spots[1:2])[0]
+        spots = interpolated(span, along, middle)
+        kind = ways.zones.kind_at(spots[1])
         if taken > OCCUPIED.get(kind, 0.0) or np.interp(span, along, width).min() < least:
             continue
         if shapely.dwithin(crosswalks, shapely.Point(*spots[1][:2]), CROSSWALK_M):
@@ -169,55 +155,38 @@ def _park_lane(
         cars.put(spots[1], float(elementary.arctan2(ahead[1], ahead[0])), draw)
 
 
-def park_on_verges(
-    cars: ParkedCars,
-    edges: Sequence[RoadEdge],
-    zones: Sequence[tuple[str, Area]],
-    blocked: Area,
-    ground: Terrain,
-    seed: int,
-) -> None:
+def park_on_verges(cars: ParkedCars, ways: Waysides, blocked: Area) -> None:
     """Cars on the grass beside slow roads without sidewalks, clear of everything that is paved."""
     shapely.prepare(blocked)
-    for edge in edges:
+    for edge in ways.edges:
         if edge.sidewalk or edge.limit_mps > SLOWEST_MPS or edge.road_type == "motorway":
             continue
-        draw = rng.stream(seed, f"verge/{edge.name}")
-        kinds, traffic = _kinds(zones, edge.line_m), edge.traffic
+        draw = rng.stream(ways.seed, f"verge/{edge.name}")
+        kinds, traffic = ways.zones.kinds_at(edge.line_m), edge.traffic
         for row in np.arange(int(JUNCTION_M), len(edge.line_m) - int(JUNCTION_M), int(SPACE_M) + 1):
             chance = draw.random()
-            if edge.state[row] != State.GROUND:
-                continue
-            if chance > VERGES.get(kinds[row], 0.0):
+            if edge.state[row] != State.GROUND or chance > VERGES.get(kinds[row], 0.0):
                 continue
             xy = edge.line_m[row, :2] + edge.right[row] * (VERGE_M + 1.05)
             yaw = float(elementary.arctan2(traffic[row, 1], traffic[row, 0]))
             if shapely.dwithin(blocked, rectangle(xy, yaw, 6.0, 2.05), 0.12):
                 continue
-            cars.put(np.array([*xy, float(ground.height(xy[None])[0]) - 0.03]), yaw, draw)
+            cars.put(np.array([*xy, float(ways.ground.height(xy[None])[0]) - 0.03]), yaw, draw)
 
 
-def lay_drives(
-    out: MeshBuilder,
-    cars: ParkedCars,
-    edges: Sequence[RoadEdge],
-    zones: Sequence[tuple[str, Area]],
-    blocked: Area,
-    ground: Terrain,
-    seed: int,
-) -> list[Area]:
+def lay_drives(out: MeshBuilder, cars: ParkedCars, ways: Waysides, blocked: Area) -> list[Area]:
     """Drives between houses with a car on most; returns the ground that they take."""
     shapely.prepare(blocked)
     found: list[Area] = []
-    for edge in edges:
+    for edge in ways.edges:
         if not edge.sidewalk:
             continue
-        draw = rng.stream(seed, f"drives/{edge.name}")
-        kinds = _kinds(zones, edge.line_m)
+        draw = rng.stream(ways.seed, f"drives/{edge.name}")
+        kinds = ways.zones.kinds_at(edge.line_m)
         row = int(JUNCTION_M)
         while row < len(edge.line_m) - JUNCTION_M:
             if edge.state[row] == State.GROUND and draw.random() < DRIVES.get(kinds[row], 0.0):
-                drive = _drive(out, cars, edge, row, blocked, found, ground, draw)
+                drive = _drive(out, cars, edge, row, blocked, found, ways.ground, draw)
                 if drive is not None:
                     found.append(drive)
                     row += int(DRIVE_STEP_M) - 1
@@ -259,12 +228,3 @@ def _drive(
         z_car = float(ground.height(spot[None])[0]) + 0.02
         cars.put(np.array([*spot, z_car]), yaw + (np.pi if draw.random() < 0.4 else 0.0), draw)
     return area
-
-
-def _kinds(zones: Sequence[tuple[str, Area]], points: Array) -> list[str]:
-    """Kind of scenery at points (N, 2 or 3), empty where there is none."""
-    found = np.full(len(points), -1)
-    for number, (_, area) in enumerate(zones):
-        shapely.prepare(area)
-        found[(found < 0) & shapely.intersects_xy(area, points[:, 0], points[:, 1])] = number
-    return [zones[number][0] if number >= 0 else "" for number in found]

@@ -1,8 +1,7 @@
-"""What stands about in a town: lights and signs, furniture, roadside, plants and single features."""
+"""Things that stand about in a town: lights and signs, furniture, roadside, plants and single features."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +21,10 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.collision_mesh import posts
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.town.meshing.polygons import Area, polygons_of
+from carlaloc_env.town.meshing.polygons import polygons_of
 from carlaloc_env.town.roads.surfaces import Surfaces
-from carlaloc_env.town.street.landmarks import feature_lamps, feature_mesh, roofed_sites, spanning_sites
-from carlaloc_env.town.street.roadside import Roadside, RoadsideSite, line_roads
+from carlaloc_env.town.street.landmarks import feature_lamps, feature_mesh, roofed_sites
+from carlaloc_env.town.street.roadside import Roadside, line_roads
 from carlaloc_env.town.street.signals_and_signs import add_signals, add_signs
 from carlaloc_env.town.street.site_plan import Plots
 from carlaloc_env.town.street.street_furniture import Furnisher
@@ -43,10 +42,10 @@ SOLID_PROPS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Dressing:
-    """What was placed."""
+    """Everything that was placed."""
 
     meshes: list[Mesh]
-    """All that is seen, but for the ground cover."""
+    """Everything that is seen, except the ground cover."""
     cover: Mesh
     """Crops, grass and bushes."""
     lenses: SignalLenses
@@ -68,7 +67,7 @@ def dress(
     """Place everything; solid things also go to `out`."""
     lights, lenses, light_feet = add_signals(network, work.floor_height, ids)
     signs, sign_feet = add_signs(network, work.floor_height, ids)
-    roadside = line_roads(out.solid, _roadside_site(network, work, plots, config, seed), ids)
+    roadside = line_roads(out.solid, network, work, plots, config.roadside, ids)
     clear = [light_feet[:, :2], sign_feet[:, :2], *(walk.polygon_m[:, :2] for walk in network.crosswalks)]
     furnisher = _furnish(work, plots, roadside, np.concatenate(clear), route_m, seed)
     cover = MeshBuilder()
@@ -88,28 +87,6 @@ def dress(
     )
 
 
-def _roadside_site(
-    network: LaneNetwork, work: Groundwork, plots: Plots, config: TownConfig, seed: int
-) -> RoadsideSite:
-    return RoadsideSite(
-        network=network,
-        config=config.roadside,
-        strips=work.strips,
-        roads=work.roads,
-        edges=plots.edges,
-        areas=work.areas,
-        zones=work.zones,
-        crosswalks=network.crosswalks,
-        ground=work.ground,
-        blocked=shapely.union_all([plots.reserved, *plots.footprints()]),
-        built=shapely.union_all([*(site.ground for site in plots.features), *plots.footprints()]),
-        overhead=work.overhead,
-        spans=spanning_sites(plots.features),
-        car_parks=plots.car_parks,
-        seed=seed,
-    )
-
-
 def _furnish(
     work: Groundwork, plots: Plots, roadside: Roadside, clear_m: Array, route_m: Array | None, seed: int
 ) -> Furnisher:
@@ -125,7 +102,7 @@ def _furnish(
 
 
 def _land(work: Groundwork, plots: Plots, roadside: Roadside, route_m: Array | None, seed: int) -> Land:
-    waters: Sequence[Area] = [area for kind, area in work.zones if kind == "water"]
+    waters = [area for kind, area in work.zones if kind == "water"]
     taken = [work.areas.paved, plots.reserved, roadside.taken, *plots.footprints(), *waters]
     return Land(
         bounds=work.bounds,
@@ -145,6 +122,4 @@ def _add_posts(solid: MeshBuilder, placed: Placement, light_feet: Array, trunks:
     groups += [(placed.feet_of(f"tree {kind}"), 0.17, 3.0) for kind in FORMS]
     groups += [(placed.feet_of(name), r, h) for name, r, h in SOLID_PROPS]
     for feet, radius, height in groups:
-        if len(feet):
-            faces = posts(feet, np.full(len(feet), radius), np.full(len(feet), height))
-            solid.quads(faces, material=Material.PLAIN, tag=Tag.POLE)
+        solid.quads(posts(feet, radius, height), material=Material.PLAIN, tag=Tag.POLE)

@@ -37,14 +37,14 @@ def add_signals(
         T = poses(feet[number], yaw)
         arm, heads = _arm(network, head, T[0])
         mesh, lenses = traffic_light(heads, arm)
-        own = ids.take()
-        meshes.append(copies(mesh, T, own))
+        head_id = ids.take()
+        meshes.append(copies(mesh, T, head_id))
         for k in range(lenses.shape[0]):
             for lens in range(lenses.shape[1]):
                 lens_poses.append(_product(T[0], lenses[k, lens]))
                 signal.append(number)
                 state.append(lens + 1)
-                instance.append(own)
+                instance.append(head_id)
     found = SignalLenses(
         signal=np.array(signal, dtype=np.int32),
         state=np.array(state, dtype=np.uint8),

@@ -1,4 +1,4 @@
-"""Who gets which ground beside the roads: features, car parks and buildings."""
+"""The ground beside the roads, shared among features, car parks and buildings."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from carlaloc_env.town.buildings.buildings import building_mesh
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.ground_plan import Groundwork
-from carlaloc_env.town.ground.road_edges import RoadEdge, road_edges
+from carlaloc_env.town.ground.road_edges import Waysides, road_edges
 from carlaloc_env.town.ground.terrain import BANK_SLOPE, Terrain
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.polygons import Area
+from carlaloc_env.town.meshing.prop_copies import poses
 from carlaloc_env.town.street.car_parks import CarPark, place_car_parks
 from carlaloc_env.town.street.landmarks import Site, feature_car_parks, sites
 
@@ -31,9 +32,9 @@ class Plots:
     """The ground beside the roads and what stands on it."""
 
     features: list[Site]
-    """What `town.toml` asks for."""
-    edges: list[RoadEdge]
-    """Edges of the roads."""
+    """Features that `town.toml` asks for."""
+    waysides: Waysides
+    """Edges of the roads and the ground beside them."""
     car_parks: list[CarPark]
     """Car parks."""
     reserved: Area
@@ -51,12 +52,8 @@ class Plots:
         """Meshes of all buildings, with an instance id each."""
         meshes = []
         for lot, base in zip(self.lots, self.bases_m, strict=True):
-            T = np.eye(4)
-            c, s = elementary.cos(lot.heading_rad), elementary.sin(lot.heading_rad)
-            T[:2, :2] = [[c, -s], [s, c]]
-            T[:3, 3] = (*lot.corner_m, base)
             mesh = building_mesh(lot.plan, rng.stream(seed, lot.name, index=1), instance=ids.take())
-            meshes.append(mesh.transformed(T))
+            meshes.append(mesh.transformed(poses((*lot.corner_m, base), lot.heading_rad)[0]))
         return meshes
 
 
@@ -65,13 +62,14 @@ def place_plots(work: Groundwork, config: TownConfig, seed: int) -> Plots:
     features = sites(config.features)
     reserved = shapely.union_all([_cuts(work), *(site.ground for site in features)])
     edges = road_edges(work.strips, work.roads, work.levels)
+    ways = Waysides(edges=edges, zones=work.zones, ground=work.ground, seed=seed)
     parks = feature_car_parks(config.features)
-    parks += place_car_parks(edges, work.zones, shapely.union(work.areas.paved, reserved), work.ground, seed)
+    parks += place_car_parks(ways, shapely.union(work.areas.paved, reserved))
     reserved = shapely.union_all([reserved, *(park.area() for park in parks)])
     lots = place_lots(work.strips, shapely.union(work.areas.paved, reserved), work.zones, seed)
     return Plots(
         features=features,
-        edges=edges,
+        waysides=ways,
         car_parks=parks,
         reserved=reserved,
         lots=lots,

@@ -1,4 +1,4 @@
-"""What stands on sidewalks: lamps, trees, benches, bins, hydrants, shelters, and hedges behind them."""
+"""Things on sidewalks: lamps, trees, benches, bins, hydrants, shelters, and hedges behind them."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from scipy.spatial import cKDTree
 from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.town.ground.height_fields import distance_along, interpolated
 from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.ground.terrain import Zones
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.roads.sidewalks import raised_runs, run_edges
 from carlaloc_env.town.street.street_props import LAMP_ARM_M, LAMP_HEIGHT_M, Placement, prop_mesh
+from carlaloc_env.town.structures.street_lights import lamp_reach
 from carlaloc_env.town.vegetation.planting import DETAIL_M
 
 LAMP_STEP_M = 30.0
@@ -55,7 +58,7 @@ class Furnisher:
 
     def __init__(
         self,
-        zones: Sequence[tuple[str, Area]],
+        zones: Zones,
         keep_clear_m: Array,
         route_m: Array | None,
         footprints: Sequence[Area],
@@ -115,15 +118,7 @@ class Furnisher:
         if not len(feet):
             return feet
         yaw = np.array(self.placed.yaws[key])
-        reach = np.stack(
-            [
-                elementary.cos(yaw) * LAMP_ARM_M,
-                elementary.sin(yaw) * LAMP_ARM_M,
-                np.full(len(yaw), LAMP_HEIGHT_M),
-            ],
-            -1,
-        )
-        result: Array = feet + reach
+        result: Array = feet + lamp_reach(yaw, LAMP_ARM_M, LAMP_HEIGHT_M)
         return result
 
     def _side(self, strip: Strip, name: str, kerb: Array, outer: Array) -> None:
@@ -133,7 +128,7 @@ class Furnisher:
         if length < 2 * END_M:
             return
         draw = rng.stream(self._seed, f"furniture/{strip.road_id}/{strip.section}/{name}")
-        zone = self._zone(line[length // 2])
+        zone = self._zones.kind_at(line[length // 2], self._zones.default)
         width = float(np.median(np.hypot(*(line - far)[:, :2].T)))
         shift = int(draw.integers(0, int(LAMP_STEP_M)))
         for at in range(int(END_M), length - int(END_M) + 1):
@@ -163,19 +158,14 @@ class Furnisher:
         if zone in ("downtown", "skyscraper") and draw.random() < 0.6:
             self.placed.put("banner", foot, row.yaw + np.pi / 2, int(draw.integers(0, 16)))
 
-    def _tree(self, foot: Array, zone: str, draw: np.random.Generator, *, street: bool = True) -> None:
+    def _tree(self, foot: Array, zone: str, draw: np.random.Generator) -> None:
         kinds = TREE_KINDS[zone]
         if not kinds or draw.random() < 0.12:
             return
         kind = kinds[int(draw.integers(len(kinds)))]
-        near = street if self._route is None else self._route.query(foot[:2])[0] < DETAIL_M
-        self.placed.put(
-            f"tree {kind}",
-            foot,
-            float(draw.uniform(0, 2 * np.pi)),
-            int(draw.integers(PROTOTYPES)),
-            "high" if near else "low",
-        )
+        near = self._route is None or self._route.query(foot[:2])[0] < DETAIL_M
+        yaw, variant = float(draw.uniform(0, 2 * np.pi)), int(draw.integers(PROTOTYPES))
+        self.placed.put(f"tree {kind}", foot, yaw, variant, "high" if near else "low")
 
     def _small(self, row: _Row, zone: str, draw: np.random.Generator, width: float) -> None:
         if zone in ("rural", "industrial"):
@@ -206,25 +196,18 @@ class Furnisher:
             row = _Row(line, far, at)
             width = float(np.hypot(*(far[at] - line[at])[:2]))
             foot = row.at(width + 0.55, -0.1)
-            end = foot + 3.0 * np.array(
-                [elementary.cos(row.yaw + np.pi / 2), elementary.sin(row.yaw + np.pi / 2), 0.0]
-            )
-            line_of_hedge = shapely.LineString([foot[:2], end[:2]])
+            yaw = row.yaw + np.pi / 2
+            end = foot[:2] + 3.0 * np.array([elementary.cos(yaw), elementary.sin(yaw)])
+            line_of_hedge = shapely.LineString([foot[:2], end])
             if len(self._footprints.query(line_of_hedge, predicate="dwithin", distance=1.2)):
                 continue
-            if self._zone(foot) in ("residential", "small_town", "rural"):
-                self.placed.put("hedge", foot, row.yaw + np.pi / 2, int(draw.integers(0, 3)))
+            if self._zones.kind_at(foot, self._zones.default) in ("residential", "small_town", "rural"):
+                self.placed.put("hedge", foot, yaw, int(draw.integers(0, 3)))
 
     def _free(self, foot: Array, radius_m: float = 2.5) -> bool:
         if shapely.intersects_xy(self._roofed, foot[0], foot[1]):
             return False
         return self._clear is None or bool(self._clear.query(foot[:2])[0] > radius_m)
-
-    def _zone(self, point: Array) -> str:
-        for kind, area in self._zones:
-            if shapely.intersects_xy(area, point[0], point[1]):
-                return kind
-        return self._zones[-1][0]
 
 
 class _Row:
@@ -248,8 +231,6 @@ class _Row:
 
 def _equal_steps(kerb: Array, outer: Array) -> tuple[Array, Array]:
     """Both lines with a point per metre of the kerb."""
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(kerb[:, :2], axis=0).T))])
+    length = distance_along(kerb)
     at = np.arange(0.0, np.floor(length[-1]) + 1.0)
-    line = np.stack([np.interp(at, length, kerb[:, k]) for k in range(3)], axis=-1)
-    far = np.stack([np.interp(at, length, outer[:, k]) for k in range(3)], axis=-1)
-    return line, far
+    return interpolated(at, length, kerb), interpolated(at, length, outer)

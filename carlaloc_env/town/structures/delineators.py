@@ -10,8 +10,7 @@ import shapely
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.grade_levels import State
-from carlaloc_env.town.ground.road_edges import RoadEdge
-from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides
 from carlaloc_env.town.meshing.polygons import Area
 
 SPACING_M = ((20.0, 3.0), (50.0, 5.0), (100.0, 10.0), (300.0, 20.0), (600.0, 50.0))
@@ -25,26 +24,22 @@ SMOOTH_M = 21
 """Length over which a bend's radius is taken [m]."""
 
 
-def delineator_feet(
-    edges: Sequence[RoadEdge], zones: Sequence[tuple[str, Area]], paved: Area, ground: Terrain
-) -> tuple[Array, Array]:
+def delineator_feet(ways: Waysides, paved: Area) -> tuple[Array, Array]:
     """Feet (N, 3) [m] of posts, and the direction of the traffic on their side [rad].
 
     Both sides of a road have them; of a road of one direction the kerb side alone. Their distances go on
     from one section of a road to the next.
 
     Args:
-        edges: Edges of all roads.
-        zones: Kinds of scenery with their areas.
+        ways: The ground beside the roads.
         paved: Everything paved or built, on which none stands.
-        ground: Heights of the ground.
     """
-    country = shapely.union_all([area for kind, area in zones if kind in ZONES])
+    country = ways.zones.area(*ZONES)
     for area in (country, paved):
         shapely.prepare(area)
     feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
     passed: dict[tuple[int, bool], float] = {}
-    for edge in _in_driving_order(edges):
+    for edge in _in_driving_order(ways.edges):
         key = edge.strip.road, edge.name.endswith("right")
         count = passed.get(key, 0.5) + np.concatenate([[0.0], np.cumsum(1.0 / spacing_m(edge.line_m))])
         passed[key] = float(count[-1])
@@ -56,7 +51,7 @@ def delineator_feet(
         free &= shapely.contains_xy(country, xy[:, 0], xy[:, 1]) & (edge.state[rows] == State.GROUND)
         rows, xy = rows[free], xy[free]
         if len(rows):
-            feet.append(np.column_stack([xy, ground.height(xy) - 0.05]))
+            feet.append(np.column_stack([xy, ways.ground.height(xy) - 0.05]))
             traffic = edge.traffic[rows]
             yaws.append(elementary.arctan2(traffic[:, 1], traffic[:, 0]))
     return np.concatenate(feet), np.concatenate(yaws)
@@ -86,11 +81,9 @@ def against_traffic(edge: RoadEdge) -> bool:
 
 def _in_driving_order(edges: Sequence[RoadEdge]) -> list[RoadEdge]:
     """Sections of each road in the order in which the edge's line meets them."""
-    return sorted(
-        edges,
-        key=lambda e: (
-            e.strip.road,
-            e.name.endswith("left"),
-            -e.strip.section if e.name.endswith("left") else e.strip.section,
-        ),
-    )
+
+    def place(edge: RoadEdge) -> tuple[int, bool, int]:
+        left = edge.name.endswith("left")
+        return edge.strip.road, left, -edge.strip.section if left else edge.strip.section
+
+    return sorted(edges, key=place)

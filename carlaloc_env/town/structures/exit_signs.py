@@ -97,26 +97,26 @@ def add_exit_signs(
     """
     place = _Placer(network, paved, blocked, overhead, floor)
     feet: list[Array] = []
-    for number, way in enumerate(exits(network)):
-        names = _names(network, way, number)
-        advance = place.beside(way, ADVANCE_M, LARGE_M) or place.beside(way, SHORT_ADVANCE_M, LARGE_M)
+    for number, exit_ in enumerate(exits(network)):
+        names = _names(network, exit_, number)
+        advance = place.beside(exit_, ADVANCE_M, LARGE_M) or place.beside(exit_, SHORT_ADVANCE_M, LARGE_M)
         if advance is not None:
             feet.append(advance.foot_m)
             advance.put(props, ("verge sign", *names), partial(verge_sign, *names[1:]))
         for distance in OVERHEAD_M:
-            spot = place.beside(way, distance, POST_M)
+            spot = place.beside(exit_, distance, POST_M)
             if spot is not None:
                 feet.append(spot.foot_m)
-                arm_m = -network.lanes[way.through].kerb_side * ARM_M
+                arm_m = -network.lanes[exit_.through].kerb_side * ARM_M
                 make = partial(cantilever, arm_m, *names, low_m=spot.rise_m)
                 spot.put(props, ("cantilever", arm_m, *names, spot.rise_m), make)
         for distance in MARKERS_M:
-            spot = place.beside(way, distance, SMALL_M)
+            spot = place.beside(exit_, distance, SMALL_M)
             if spot is not None:
                 feet.append(spot.foot_m)
                 stripes = round(distance / 100.0)
                 spot.put(props, ("countdown", stripes), partial(countdown_marker, stripes))
-        gore = place.in_gore(way)
+        gore = place.in_gore(exit_)
         if gore is not None:
             feet.append(gore.foot_m)
             gore.put(props, ("gore sign", names[1]), partial(verge_sign, names[1], width_m=GORE_BOARD_M))
@@ -149,10 +149,10 @@ class _Placer:
         for area in (paved, blocked, overhead, self._rim):
             shapely.prepare(area)
 
-    def beside(self, way: Exit, distance_m: float, away_m: float) -> _Spot | None:
+    def beside(self, exit_: Exit, distance_m: float, away_m: float) -> _Spot | None:
         """On the verge, or on a parapet, some distance [m] before an exit and away from the road's edge."""
         for shift in SHIFTS_M:
-            lane, station = self._upstream(way.through, distance_m + shift)
+            lane, station = self._upstream(exit_.through, distance_m + shift)
             if lane is None:
                 return None
             pose = self._network.pose([lane], [station])
@@ -175,9 +175,9 @@ class _Placer:
                 return _Spot(foot_m=np.append(foot, top), yaw_rad=heading + np.pi, rise_m=-PARAPET_M)
         return None
 
-    def in_gore(self, way: Exit) -> _Spot | None:
+    def in_gore(self, exit_: Exit) -> _Spot | None:
         """Between the ramp and the road, where both leave room."""
-        lane = way.ramp
+        lane = exit_.ramp
         for _ in range(2):
             info = self._network.lanes[lane]
             station = np.arange(0.0, info.length_m, 1.0)
@@ -258,8 +258,8 @@ def _beside(lane: Lane, side: int) -> int | None:
     return lane.left if side > 0 else lane.right
 
 
-def _names(network: LaneNetwork, way: Exit, number: int) -> tuple[int, int, int]:
+def _names(network: LaneNetwork, exit_: Exit, number: int) -> tuple[int, int, int]:
     """Rows of `STREET_NAMES`: where the fast road goes, and both places of the exit."""
-    target = network.lanes[way.ramp].road_id
+    target = network.lanes[exit_.ramp].road_id
     first = (sum(target.encode()) + number) % len(STREET_NAMES)
     return (first + 3) % len(STREET_NAMES), first, (first + 5) % len(STREET_NAMES)

@@ -31,7 +31,7 @@ _WOOD = Look(Material.WOOD, Tag.STATIC, (200, 190, 175))
 def gantry(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
     """Gantry over a whole road: boards towards both directions; its front looks along the heading."""
     centre, heading = np.array(feature.position), np.radians(feature.heading_deg)
-    # Whoever sees the front drives against the heading and keeps to the right.
+    # Drivers who see the front drive against the heading and keep to the right.
     right = np.array([-elementary.sin(heading), elementary.cos(heading)])
     shapely.prepare(paved)
     reach = [_reach(centre, sign * right, paved) for sign in (1.0, -1.0)]
@@ -60,10 +60,10 @@ def gantry(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
 
 def _reach(centre: Array, direction: Array, paved: Area) -> float:
     """Distance [m] along a direction at which nothing paved is near any more."""
-    way = np.arange(3.0, LONGEST_GANTRY_M, 0.5)
-    distance = shapely.distance(paved, shapely.points(centre + way[:, None] * direction))
+    away_m = np.arange(3.0, LONGEST_GANTRY_M, 0.5)
+    distance = shapely.distance(paved, shapely.points(centre + away_m[:, None] * direction))
     free = np.flatnonzero(distance > POST_CLEAR_M)
-    return float(way[free[0]]) if len(free) else LONGEST_GANTRY_M
+    return float(away_m[free[0]]) if len(free) else LONGEST_GANTRY_M
 
 
 def pier(feature: Feature, _: Area, floor: HeightOf) -> Mesh:

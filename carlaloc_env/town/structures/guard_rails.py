@@ -14,9 +14,9 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.height_fields import distance_along, interpolated, right_of
 from carlaloc_env.town.ground.lane_strips import Strip
-from carlaloc_env.town.ground.road_edges import RoadEdge, right_of, road_limit_mps
-from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.ground.road_edges import Waysides, road_limit_mps
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.opendrive.records import Road
@@ -48,23 +48,21 @@ NARROWEST_MEDIAN_M, WIDEST_BARRIER_M = 0.7, 7.0
 _STEEL = (178, 182, 186)
 
 
-def add_guard_rails(
-    out: MeshBuilder, solid: MeshBuilder, edges: Sequence[RoadEdge], paved: Area, ground: Terrain
-) -> Area:
+def add_guard_rails(out: MeshBuilder, solid: MeshBuilder, ways: Waysides, paved: Area) -> Area:
     """Rails along the outer edges of fast and raised roads; returns the ground that they take.
 
     Args:
         out: What is seen.
         solid: What is hit.
-        edges: Edges of all roads.
+        ways: The ground beside the roads.
         paved: Everything paved, on which no rail stands.
-        ground: Heights of the ground.
     """
     lines = []
     shapely.prepare(paved)
-    for edge in edges:
+    for edge in ways.edges:
         wanted = (edge.state == State.BANK) & (edge.lift_m > HIGH_M)
-        if edge.limit_mps >= FAST_MPS or edge.road_type == "motorway":
+        fast = edge.limit_mps >= FAST_MPS or edge.road_type == "motorway"
+        if fast:
             wanted |= np.isin(edge.state, (State.GROUND, State.BANK))
         if edge.sidewalk or not wanted.any():
             continue
@@ -73,9 +71,8 @@ def add_guard_rails(
         for a, b in runs(wanted & clear):
             if b - a >= SHORTEST_M:
                 xy = foot[a:b]
-                z = np.maximum(ground.height(xy), edge.line_m[a:b, 2] - 0.1)
+                z = np.maximum(ways.ground.height(xy), edge.line_m[a:b, 2] - 0.1)
                 lines.append(xy)
-                fast = edge.limit_mps >= FAST_MPS or edge.road_type == "motorway"
                 _rail(out, solid, np.column_stack([xy, z]), edge.right[a:b], fast=fast)
     parts = [shapely.buffer(shapely.LineString(line), 0.5) for line in lines]
     return shapely.union_all(parts) if parts else shapely.MultiPolygon()
@@ -116,8 +113,7 @@ def median_edges(strip: Strip) -> list[tuple[Array, Array]]:
     s = np.linspace(strip.s_m[0], strip.s_m[-1], max(2, int(np.ptp(strip.s_m)) + 1))
     for first, last in runs(kinds):
         ends = strip.lane_edges(first)[0], strip.lane_edges(last - 1)[1]
-        left, right = (np.stack([np.interp(s, strip.s_m, e[:, k]) for k in range(3)], -1) for e in ends)
-        found.append((left, right))
+        found.append((interpolated(s, strip.s_m, ends[0]), interpolated(s, strip.s_m, ends[1])))
     return found
 
 
@@ -128,7 +124,7 @@ def _rail(out: MeshBuilder, solid: MeshBuilder, foot: Array, away: Array, *, fas
     profile = np.array(BEAM)
     grid = np.repeat(p[:, None], len(profile), axis=1)
     grid += profile[None, :, :1] * n[:, None] + profile[None, :, 1:] * np.array([0.0, 0.0, 1.0])
-    u = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(p[:, :2], axis=0).T))])
+    u = distance_along(p)
     uv = np.stack(np.broadcast_arrays(u[:, None], profile[None, :, 1]), axis=-1)
     back = np.stack([p + 0.02 * n + np.array([0.0, 0.0, z]) for z in (0.44, 0.75)], axis=1)
     side = -1 if _road_on_left(p, n) else 1
@@ -174,8 +170,8 @@ def _barrier(out: MeshBuilder, solid: MeshBuilder, line: Array) -> None:
     grid = np.repeat(p[:, None], len(profile), axis=1)
     grid[..., :2] += profile[None, :, :1] * right[:, None]
     grid[..., 2] += profile[None, :, 1]
-    u = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(p[:, :2], axis=0).T))])
-    v = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(profile, axis=0).T))])
+    u = distance_along(p)
+    v = distance_along(profile)
     uv = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=-1)
     for k in range(len(profile) - 1):
         # One grid per face keeps the barrier's edges sharp.

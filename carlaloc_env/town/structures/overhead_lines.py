@@ -16,7 +16,7 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
-from carlaloc_env.town.ground.road_edges import RoadEdge
+from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides
 from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
@@ -40,36 +40,25 @@ CLEAR_M = 0.9
 _WIRE_POINTS = 9
 
 
-def place_lines(
-    edges: Sequence[RoadEdge],
-    zones: Sequence[tuple[str, Area]],
-    blocked: Area,
-    overhead: Area,
-    ground: Terrain,
-    seed: int,
-) -> list[tuple[Array, Array]]:
+def place_lines(ways: Waysides, blocked: Area, overhead: Area) -> list[tuple[Array, Array]]:
     """Rows of poles: feet (N, 3) [m] and the directions of their cross-arms [rad], (N,).
 
     Args:
-        edges: Edges of all roads.
-        zones: Kinds of scenery with their areas.
+        ways: The ground beside the roads.
         blocked: Where nothing may stand.
         overhead: Raised roads, which no wire crosses.
-        ground: Heights of the ground.
-        seed: Seed of the town.
     """
     shapely.prepare(blocked)
     rows: list[tuple[Array, Array]] = []
-    for edge in edges:
-        street = edge.strip.road_id
-        draw = rng.stream(seed, f"poles/{street}")
+    for edge in ways.edges:
+        draw = rng.stream(ways.seed, f"poles/{edge.strip.road_id}")
         side = "left" if draw.random() < 0.5 else "right"
-        kind = _zone(zones, edge.line_m[len(edge.line_m) // 2])
+        kind = ways.zones.kind_at(edge.line_m[len(edge.line_m) // 2])
         if not edge.name.endswith(side) or kind not in AWAY_M or draw.random() > FRACTIONS[kind]:
             continue
         if len(edge.line_m) < 1.5 * SPAN_M or edge.road_type == "motorway":
             continue
-        for feet, yaws in _rows(edge, AWAY_M[kind], blocked, ground):
+        for feet, yaws in _rows(edge, AWAY_M[kind], blocked, ways.ground):
             spans = shapely.linestrings(np.stack([feet[:-1, :2], feet[1:, :2]], axis=1))
             free = ~shapely.dwithin(spans, overhead, 2.0)
             rows += [(feet[a : b + 1], yaws[a : b + 1]) for a, b in runs(free)]
@@ -166,10 +155,3 @@ def _wires(out: MeshBuilder, a: Array, b: Array) -> None:
             [line + side, line - side, line + np.array([0.0, 0.0, 1.6 * WIRE_M]), line + side], axis=1
         )
         out.grid(ring, material=Material.RUBBER, tag=Tag.POLE, colour=(90, 90, 90))
-
-
-def _zone(zones: Sequence[tuple[str, Area]], point: Array) -> str:
-    for kind, area in zones:
-        if shapely.intersects_xy(area, point[0], point[1]):
-            return kind
-    return ""

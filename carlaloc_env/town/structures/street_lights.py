@@ -13,8 +13,8 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.ground.grade_levels import WALL_M, State
-from carlaloc_env.town.ground.road_edges import RoadEdge, right_of
-from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.ground.height_fields import right_of
+from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides, rows_every
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
@@ -37,35 +37,26 @@ _UNLIT = ("rural", "park")
 
 
 def mast_meshes(
-    edges: Sequence[RoadEdge],
-    medians: Sequence[Array],
-    zones: Sequence[tuple[str, Area]],
-    paved: Area,
-    spans: Area,
-    ground: Terrain,
-    overhead: Area,
-    ids: InstanceIds,
+    ways: Waysides, medians: Sequence[Array], paved: Area, spans: Area, overhead: Area, ids: InstanceIds
 ) -> tuple[list[Mesh], Array, Array]:
     """Masts, their lights [m] (K, 3) and their feet [m] (N, 3).
 
     Args:
-        edges: Edges of all roads.
+        ways: The ground beside the roads.
         medians: Lines (N, 3) along the medians of fast roads on which masts stand.
-        zones: Kinds of scenery with their areas.
         paved: Everything paved, on which no mast stands.
-        spans: Ground below what spans roads, on which none stands.
-        ground: Heights of the ground.
+        spans: Ground below whatever spans roads, on which none stands.
         overhead: Raised roads, along whose rims the parapets stand.
         ids: Gives each mast an instance id.
     """
     shapely.prepare(paved)
     double, yaw_double = _outside(spans, *_on_medians(medians))
-    single, yaw_single = _outside(spans, *_beside(edges, double, zones, paved, ground))
-    deck, yaw_deck = _on_parapets(edges, overhead)
-    one = furniture.lamp(MAST_M, ARM_M)
+    single, yaw_single = _outside(spans, *_beside(ways, double, paved))
+    deck, yaw_deck = _on_parapets(ways.edges, overhead)
+    mast = furniture.lamp(MAST_M, ARM_M)
     kinds = (
-        (merge([one, placed(one, (0.0, 0.0, 0.0), np.pi)]), double, yaw_double, MAST_M, (ARM_M, -ARM_M)),
-        (one, single, yaw_single, MAST_M, (ARM_M,)),
+        (merge([mast, placed(mast, (0.0, 0.0, 0.0), np.pi)]), double, yaw_double, MAST_M, (ARM_M, -ARM_M)),
+        (mast, single, yaw_single, MAST_M, (ARM_M,)),
         (furniture.lamp(DECK_LAMP_M, DECK_ARM_M), deck, yaw_deck, DECK_LAMP_M, (DECK_ARM_M,)),
     )
     meshes, lights = [], [np.zeros((0, 3))]
@@ -74,11 +65,14 @@ def mast_meshes(
             continue
         meshes.append(copies(mesh, poses(feet, yaw), ids.take(len(feet))))
         for arm in arms:
-            offset = np.stack(
-                [elementary.cos(yaw) * arm, elementary.sin(yaw) * arm, np.full(len(yaw), height)], axis=-1
-            )
-            lights.append(feet + offset)
+            lights.append(feet + lamp_reach(yaw, arm, height))
     return meshes, np.concatenate(lights), np.concatenate([double, single, deck])
+
+
+def lamp_reach(yaw_rad: Array, arm_m: float, height_m: float) -> Array:
+    """Light sources of lamps from their feet [m], (N, 3); their arms point along `yaw_rad` (N,)."""
+    heights = np.full(len(yaw_rad), height_m)
+    return np.stack([elementary.cos(yaw_rad) * arm_m, elementary.sin(yaw_rad) * arm_m, heights], axis=-1)
 
 
 def _outside(spans: Area, feet: Array, yaws: Array) -> tuple[Array, Array]:
@@ -91,29 +85,23 @@ def _outside(spans: Area, feet: Array, yaws: Array) -> tuple[Array, Array]:
 def _on_medians(medians: Sequence[Array]) -> tuple[Array, Array]:
     feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
     for line in medians:
-        rows = np.arange(int(STEP_M / 2), len(line) - 4, int(STEP_M))
+        rows = rows_every(STEP_M, line, 4)
         right = right_of(line)[rows]
         feet.append(line[rows] + np.array([0.0, 0.0, -0.05]))
         yaws.append(elementary.arctan2(right[:, 1], right[:, 0]))
     return np.concatenate(feet), np.concatenate(yaws)
 
 
-def _beside(
-    edges: Sequence[RoadEdge],
-    others: Array,
-    zones: Sequence[tuple[str, Area]],
-    paved: Area,
-    ground: Terrain,
-) -> tuple[Array, Array]:
+def _beside(ways: Waysides, others: Array, paved: Area) -> tuple[Array, Array]:
     """Beside fast roads that have no masts on a median."""
-    dark = shapely.union_all([area for kind, area in zones if kind in _UNLIT])
+    dark = ways.zones.area(*_UNLIT)
     shapely.prepare(dark)
     lit = shapely.MultiPoint(others[:, :2]) if len(others) else shapely.Point()
     feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
-    for edge in edges:
+    for edge in ways.edges:
         if edge.sidewalk or edge.limit_mps < 0.8 * FAST_MPS:
             continue
-        rows = np.arange(int(STEP_M / 2), len(edge.line_m) - 4, int(STEP_M))
+        rows = rows_every(STEP_M, edge.line_m, 4)
         xy = edge.line_m[rows, :2] + AWAY_M * edge.right[rows]
         free = shapely.distance(paved, shapely.points(xy)) > 0.6 * AWAY_M
         free &= ~shapely.contains_xy(dark, xy[:, 0], xy[:, 1]) & (edge.state[rows] == State.GROUND)
@@ -121,7 +109,7 @@ def _beside(
             free &= shapely.distance(lit, shapely.points(xy)) > 2.0 * STEP_M
         rows, xy = rows[free], xy[free]
         if len(rows):
-            feet.append(np.column_stack([xy, ground.height(xy) - 0.05]))
+            feet.append(np.column_stack([xy, ways.ground.height(xy) - 0.05]))
             yaws.append(elementary.arctan2(-edge.right[rows, 1], -edge.right[rows, 0]))
     return np.concatenate(feet), np.concatenate(yaws)
 
@@ -132,7 +120,7 @@ def _on_parapets(edges: Sequence[RoadEdge], overhead: Area) -> tuple[Array, Arra
     feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
     for edge in edges:
         up = np.isin(edge.state, (State.OPEN, State.FILLED)) & (edge.lift_m > 1.0)
-        rows = np.arange(int(DECK_STEP_M / 2), len(edge.line_m) - 3, int(DECK_STEP_M))
+        rows = rows_every(DECK_STEP_M, edge.line_m, 3)
         rows = rows[up[rows] & up[rows - 2] & up[rows + 2]]
         foot = edge.line_m[rows].copy()
         foot[:, :2] += 0.5 * WALL_M * edge.right[rows]

@@ -1,10 +1,9 @@
-"""What underpasses are fitted with: cladding, cable trays, lamps, downpipes, emergency stations."""
+"""Fittings of underpasses: cladding, cable trays, lamps, downpipes, emergency stations."""
 
 from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import Stretch
+from carlaloc_env.town.ground.height_fields import interpolated
 from carlaloc_env.town.meshing.collision_mesh import posts
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
@@ -53,28 +53,22 @@ class Wall:
             high_m: The same of its upper edge.
         """
         at = np.array([begin, end])
-        rows = np.arange(len(self.foot_m))
-        base = np.stack([np.interp(at, rows, self.foot_m[:, k]) for k in range(3)], axis=-1)
-        out = np.stack([np.interp(at, rows, self.inward[:, k]) for k in range(3)], axis=-1) * depth_m
+        rows = np.arange(float(len(self.foot_m)))
+        base = interpolated(at, rows, self.foot_m)
+        out = interpolated(at, rows, self.inward) * depth_m
         corners = np.zeros((2, 2, 2, 3))
         for z, heights in enumerate((low_m, high_m)):
             for front in (0, 1):
                 corners[:, front, z] = base + front * out
                 corners[:, front, z, 2] = heights
-        # The line runs to the right of whoever looks at it where the inward side lies on its left.
+        # Seen from inside, the line runs to the right where the inward side lies on its left.
         step = base[1] - base[0]
         if step[0] * out[0, 1] - step[1] * out[0, 0] > 0.0:
             corners = corners[::-1]
         (a, b), (c, d) = corners[0], corners[1]
-        return np.array(
-            [
-                [b[0], d[0], d[1], b[1]],
-                [a[0], b[0], b[1], a[1]],
-                [d[0], c[0], c[1], d[1]],
-                [b[1], d[1], c[1], a[1]],
-                [a[0], c[0], d[0], b[0]],
-            ]
-        )
+        face, sides = [b[0], d[0], d[1], b[1]], ([a[0], b[0], b[1], a[1]], [d[0], c[0], c[1], d[1]])
+        top, bottom = [b[1], d[1], c[1], a[1]], [a[0], c[0], d[0], b[0]]
+        return np.array([face, *sides, top, bottom])
 
     def above_foot(self, begin: float, end: float, height_m: float) -> Array:
         """Heights above the foot at two places [m], shape (2,)."""
@@ -172,9 +166,8 @@ def _downpipes(out: MeshBuilder, wall: Wall, buttresses: Index) -> None:
     feet = wall.foot_m[places] + 0.5 * along + 0.1 * wall.inward[places]
     feet[:, 2] -= 0.1
     height = wall.roof_m[places] - TRAY_DROP_M - feet[:, 2]
-    if len(feet):
-        faces = posts(feet, np.full(len(feet), PIPE_M), height)
-        out.quads(faces, material=Material.METAL_GALVANISED, tag=Tag.STATIC, colour=(150, 152, 150))
+    faces = posts(feet, PIPE_M, height)
+    out.quads(faces, material=Material.METAL_GALVANISED, tag=Tag.STATIC, colour=(150, 152, 150))
 
 
 def _lamps(out: MeshBuilder, stretch: Stretch, roof_m: Array, rows: slice, outward: Array) -> Array:
@@ -204,6 +197,5 @@ def _lamps(out: MeshBuilder, stretch: Stretch, roof_m: Array, rows: slice, outwa
 def _put(
     out: MeshBuilder, faces: list[Array], material: Material, tag: Tag, colour: tuple[int, int, int]
 ) -> None:
-    look: dict[str, Any] = {"material": material, "tag": tag, "colour": colour}
     if faces:
-        out.quads(np.concatenate(faces), **look)
+        out.quads(np.concatenate(faces), material=material, tag=tag, colour=colour)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.cuttings import ROOF_M
 from carlaloc_env.town.ground.grade_graph import grown, runs
 from carlaloc_env.town.ground.grade_levels import WALL_M, Levels, Stretch
+from carlaloc_env.town.ground.road_edges import rows_every
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.structures.underpass_fittings import add_fittings
 
@@ -58,14 +59,14 @@ def _underpass(out: MeshBuilder, stretch: Stretch) -> Array:
     for a, b in runs(stretch.detached):
         if b - a > 1:
             _roof(out, stretch, roof_z, a, b)
-            at = _buttress_rows(len(roof_z))
+            at = rows_every(BUTTRESS_STEP_M, roof_z, 1)
             lamps.append(add_fittings(out, stretch, roof_z, slice(a, b), outward, at))
     return np.concatenate(lamps)
 
 
 def _buttresses(out: MeshBuilder, stretch: Stretch, foot: Array, head: Array, sign: float) -> None:
     """Shallow buttresses before a retaining wall: what a LiDAR can hold on to along a smooth cut."""
-    rows = _buttress_rows(len(foot))
+    rows = rows_every(BUTTRESS_STEP_M, foot, 1)
     rows = rows[head[rows, 2] - foot[rows, 2] > 1.0]
     along = _ahead(stretch) * 0.5 * _BUTTRESS_WIDTH_M
     inward = -sign * _outward(stretch) * _BUTTRESS_DEPTH_M
@@ -76,10 +77,6 @@ def _buttresses(out: MeshBuilder, stretch: Stretch, foot: Array, head: Array, si
         _face(out, low, high, sign, Material.CONCRETE, Tag.WALL)
         lid = high if sign > 0 else high[::-1]
         out.quads(lid[None], material=Material.CONCRETE, tag=Tag.WALL, colour=_GREY)
-
-
-def _buttress_rows(count: int) -> Index:
-    return np.arange(int(BUTTRESS_STEP_M / 2), count - 1, int(BUTTRESS_STEP_M))
 
 
 def _beams(out: MeshBuilder, stretch: Stretch, left: Array, right: Array, a: int) -> None:

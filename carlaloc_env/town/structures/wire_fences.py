@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import shapely
 
@@ -12,8 +10,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
-from carlaloc_env.town.ground.road_edges import RoadEdge
-from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 
@@ -35,35 +32,26 @@ FENCED_ZONES = ("highway", "rural")
 """Zones whose fast roads are fenced."""
 
 
-def add_wire_fences(
-    out: MeshBuilder,
-    solid: MeshBuilder,
-    edges: Sequence[RoadEdge],
-    zones: Sequence[tuple[str, Area]],
-    blocked: Area,
-    ground: Terrain,
-) -> Area:
+def add_wire_fences(out: MeshBuilder, solid: MeshBuilder, ways: Waysides, blocked: Area) -> Area:
     """Fences along all fast roads in open country; gives the ground that they take.
 
     Args:
         out: What is seen.
         solid: What is hit.
-        edges: Edges of the roads.
-        zones: Kinds of scenery with their areas.
+        ways: The ground beside the roads.
         blocked: Everything paved, built or reserved.
-        ground: Heights of the ground.
     """
-    country = shapely.union_all([area for kind, area in zones if kind in FENCED_ZONES])
+    country = ways.zones.area(*FENCED_ZONES)
     shapely.prepare(country)
     shapely.prepare(blocked)
     lines = [
         line
-        for edge in edges
+        for edge in ways.edges
         if edge.limit_mps >= FAST_MPS and not edge.sidewalk
         for line in _free_lines(edge, country, blocked)
     ]
     for line in lines:
-        foot = np.column_stack([line, ground.height(line)])
+        foot = np.column_stack([line, ways.ground.height(line)])
         _posts(out, foot)
         _wires(out, foot)
         top = foot + np.array([0.0, 0.0, POST_M])

@@ -37,7 +37,7 @@ CELL_M = 8.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crop:
-    """What grows on a plot."""
+    """The crop of a plot."""
 
     height_m: float
     """Height of the stand [m]; 0.1 for bare earth."""
@@ -60,7 +60,7 @@ CROPS: dict[str, Crop] = {
 }
 """Crops that cover their plots."""
 KINDS = (*CROPS, *CROPS, "meadow", "pasture", "orchard", "wheat", "maize")
-"""What plots hold, each as likely as it is often named."""
+"""Kinds of plots, each as likely as it is often named."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

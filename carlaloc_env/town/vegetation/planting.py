@@ -114,8 +114,9 @@ def long_grass(land: Land, props: PropField) -> None:
     if not spots:
         return
     xy = np.concatenate(spots)
-    zone = land.zone_of(xy)
-    xy = xy[np.isin(zone, ("rural", "highway", "park")) & (land.taken.distance_m(xy) > 0.1)]
+    xy = xy[
+        np.isin(land.zones.kinds_at(xy), ("rural", "highway", "park")) & (land.taken.distance_m(xy) > 0.1)
+    ]
     sort, yaw = draw.integers(0, 6, len(xy)), draw.uniform(0, 2 * np.pi, len(xy))
     scale = draw.uniform(0.6, 1.3, len(xy))
     for k in range(6):
@@ -145,7 +146,7 @@ def _stand(land: Land, props: PropField, fields: Area, kind: str, area: Area) ->
     )
     xy = xy[inside]
     free = land.taken.distance_m(xy)
-    # Between paving and houses of paved zones grows nothing that nobody planted.
+    # Nothing grows wild between paving and houses of paved zones.
     border = YARD_M.get(kind, -2.0) + LAWN_M
     on_lawn = land.roads.distance_m(xy) > border
     xy, free = xy[on_lawn], free[on_lawn]

@@ -1,4 +1,4 @@
-"""What lines motorways: noise barriers, grass banks with bushes, rows of trees, and open stretches."""
+"""The verges of motorways: noise barriers, grass banks with bushes, rows of trees, and open stretches."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _WALLS = (
 )
 
 
-def line_highways(raised: MeshBuilder, solid: MeshBuilder, props: PropField, land: Land) -> Array:
+def line_highways(raised: MeshBuilder, solid: MeshBuilder, props: PropField, land: Land) -> None:
     """Line all roads of highway zones.
 
     Args:
@@ -44,23 +44,14 @@ def line_highways(raised: MeshBuilder, solid: MeshBuilder, props: PropField, lan
         solid: Takes noise barriers for collisions; they are seen through `raised`.
         props: Takes bushes, trees and billboards.
         land: The town's land.
-
-    Returns:
-        Feet of the billboards [m], shape (K, 3).
     """
     boards: list[Array] = []
-    lines = [
-        (strip.left_hand_traffic, *own)
-        for strip in land.strips
-        if strip.junction_id is None
-        for own in frontages([strip])
-    ]
-    for left_hand_traffic, name, line, _ in lines:
+    streets = [strip for strip in land.strips if strip.junction_id is None]
+    for street, (name, line, _) in ((strip, edge) for strip in streets for edge in frontages([strip])):
         if len(line) < 20:
             continue
         even = densify(line, 1.0)
-        inside = land.zone_of(even[:, :2]) == "highway"
-        if inside.mean() < 0.5:
+        if (land.zones.kinds_at(even) == "highway").mean() < 0.5:
             continue
         draw = rng.stream(land.seed, f"wayside/{name}")
         at = 0
@@ -68,33 +59,24 @@ def line_highways(raised: MeshBuilder, solid: MeshBuilder, props: PropField, lan
             end = min(at + int(draw.uniform(*STRETCH_M)), len(even) - 1)
             kind = KINDS[int(draw.integers(len(KINDS)))]
             part = even[at : end + 1]
-            _stretch(kind, raised, solid, props, land, part, draw)
-            _board(props, land, part, boards, draw, left_hand_traffic=left_hand_traffic)
+            right = rights(part)
+            if kind == "barrier":
+                _barrier(raised, solid, land, part, right, draw)
+            elif kind == "bank":
+                put_bushes(props, _bank(raised, land, part, right, draw), draw)
+            elif kind == "trees":
+                _trees(props, land, part, right, draw)
+            _board(props, land, part, right, boards, draw, left_hand_traffic=street.left_hand_traffic)
             at = end
-    return np.array(boards).reshape(-1, 3)
 
 
-def _stretch(
-    kind: str,
-    raised: MeshBuilder,
-    solid: MeshBuilder,
-    props: PropField,
-    land: Land,
-    line: Array,
-    draw: np.random.Generator,
-) -> None:
-    right = rights(line)
-    if kind == "barrier":
-        _barrier(raised, solid, land, line, right, draw)
-    elif kind == "bank":
-        crest = _bank(raised, land, line, right, draw)
-        put_bushes(props, crest, draw)
-    elif kind == "trees":
-        for distance in (9.5, 15.0):
-            rows = np.arange(int(draw.integers(0, 4)), len(line), 8)
-            xy = line[rows, :2] + right[rows] * (distance + draw.uniform(-0.8, 0.8, len(rows)))[:, None]
-            xy = xy[land.taken.distance_m(xy) > 6.0]
-            put_trees(land, props, ("birch", "poplar", "conifer", "plane"), land.on_ground(xy, -0.05), draw)
+def _trees(props: PropField, land: Land, line: Array, right: Array, draw: np.random.Generator) -> None:
+    """Two rows of trees."""
+    for distance in (9.5, 15.0):
+        rows = np.arange(int(draw.integers(0, 4)), len(line), 8)
+        xy = line[rows, :2] + right[rows] * (distance + draw.uniform(-0.8, 0.8, len(rows)))[:, None]
+        xy = xy[land.taken.distance_m(xy) > 6.0]
+        put_trees(land, props, ("birch", "poplar", "conifer", "plane"), land.on_ground(xy, -0.05), draw)
 
 
 def _barrier(
@@ -120,9 +102,8 @@ def _barrier(
             top[:, 2] = pair[order][:, 2] + HIGH_M
             # The line has its free side, and so this face's back, on the right.
             corners, uv = extrude(base[::-1], top[::-1])
-            out.quads(
-                corners, material=material, tag=Tag.WALL, uv_m=uv + np.array([7.0 * k, 0.0]), colour=shade
-            )
+            uv += np.array([7.0 * k, 0.0])
+            out.quads(corners, material=material, tag=Tag.WALL, uv_m=uv, colour=shade)
             solid.quads(corners, material=Material.PLAIN, tag=Tag.WALL)
         lid = np.array([[*(pair[0][:2] - normal), 0], [*(pair[0][:2] + normal), 0],
                         [*(pair[1][:2] + normal), 0], [*(pair[1][:2] - normal), 0]])  # fmt: skip
@@ -165,8 +146,7 @@ def _bank(out: MeshBuilder, land: Land, line: Array, right: Array, draw: np.rand
     bend = np.sqrt(np.sum(np.diff(xy[:, -1], axis=0) ** 2, axis=-1))
     if (bend < 0.3).any() or (bend > 12.0).any():
         return np.zeros((0, 3))
-    tint = (235, 235, 205)
-    out.grid(points, material=Material.GRASS, tag=Tag.TERRAIN, colour=tint)
+    out.grid(points, material=Material.GRASS, tag=Tag.TERRAIN, colour=(235, 235, 205))
     picks = draw.integers(0, len(rows), len(rows)), draw.uniform(5.0, 13.0, len(rows))
     foot = line[rows[picks[0]], :2] + right[rows[picks[0]]] * picks[1][:, None]
     level = np.interp(picks[1], offsets, heights) * grow[picks[0]] * wave[picks[0]]
@@ -178,6 +158,7 @@ def _board(
     props: PropField,
     land: Land,
     line: Array,
+    right: Array,
     boards: list[Array],
     draw: np.random.Generator,
     *,
@@ -185,14 +166,14 @@ def _board(
 ) -> None:
     """At most one billboard on a stretch, turned towards those who come."""
     row = len(line) // 2
-    right = rights(line)[row]
-    foot = land.on_ground((line[row, :2] + right * float(draw.uniform(13.0, 17.0)))[None])[0]
+    away = right[row]
+    foot = land.on_ground((line[row, :2] + away * float(draw.uniform(13.0, 17.0)))[None])[0]
     if land.taken.distance_m(foot[None, :2])[0] < 6.0 or draw.random() < 0.35:
         return
     if any(np.hypot(*(foot - other)[:2]) < BILLBOARD_STEP_M for other in boards):
         return
     boards.append(foot)
     # Traffic on the right comes along the line, whose free side is on its right; on the left, against it.
-    yaw = elementary.arctan2(-right[1], -right[0]) + (-0.9 if left_hand_traffic else 0.9)
+    yaw = elementary.arctan2(-away[1], -away[0]) + (-0.9 if left_hand_traffic else 0.9)
     variant = int(draw.integers(0, 8))
     props.put(("billboard", variant), partial(billboard, variant), foot[None], yaw)

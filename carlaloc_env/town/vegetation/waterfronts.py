@@ -31,8 +31,7 @@ KEPT_M = 3.0
 
 def line_waterfront(props: PropField, land: Land) -> None:
     """Furnish the edges where waterfront zones meet water."""
-    water = shapely.union_all([area for kind, area in land.zones if kind == "water"])
-    shore = shapely.union_all([area for kind, area in land.zones if kind == "waterfront"])
+    water, shore = land.zones.area("water"), land.zones.area("waterfront")
     if water.is_empty or shore.is_empty:
         return
     near = shapely.buffer(shore, 1.5)

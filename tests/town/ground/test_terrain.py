@@ -14,7 +14,7 @@ from carlaloc_env.town.ground.grade_separation import find_levels
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import town_areas
-from carlaloc_env.town.ground.terrain import LAP_M, Terrain, add_terrain, zone_areas
+from carlaloc_env.town.ground.terrain import LAP_M, Terrain, Zones, add_terrain, zone_areas
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.sources import known_towns
 
@@ -73,7 +73,7 @@ def test_no_ground_shows_in_hairlines_of_what_is_paved() -> None:
     line = EdgeField([np.array([[0.0, 0.0, 0.0], [90.0, 0.0, 0.0]])])
     grid = GroundGrid(line.points_m, np.full(2, -100.0), np.full(2, 200.0))
     bounds, out = shapely.box(-50.0, -50.0, 140.0, 70.0), MeshBuilder()
-    add_terrain(out, bounds, paved, [("rural", bounds)], Terrain(edge=line, grid=grid))
+    add_terrain(out, bounds, paved, Zones([("rural", bounds)]), Terrain(edge=line, grid=grid))
     corners = out.build().vertices_m
     inside = shapely.contains_xy(shapely.box(1.0, 1.0, 89.0, 19.0), corners[:, 0], corners[:, 1])
     assert len(corners) > 100

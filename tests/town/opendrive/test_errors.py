@@ -8,11 +8,9 @@ import pytest
 from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.town.checks.problem import Problem
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive import file_text
 from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.opendrive.records import OpenDrive
 
 TEXT = CROSSING.read_text(encoding="utf-8")
 
@@ -50,7 +48,7 @@ def test_note_names_element_id_and_line(old: str, new: str, parts: list[str]) ->
     """The rest of the map loads: one element is not a town."""
     xodr = read_opendrive(broken(old, new))
     assert len(xodr.roads) >= 15
-    text = next(str(p) for p in _problems(xodr) if parts[0] in str(p))
+    text = next(str(p) for p in xodr.notes if parts[0] in str(p))
     assert text.startswith("error: ")
     assert "\n" not in text
     at = TEXT.index(old)
@@ -61,13 +59,6 @@ def test_note_names_element_id_and_line(old: str, new: str, parts: list[str]) ->
     for part in parts:
         assert part in text
     build_network(xodr)
-
-
-def _problems(xodr: OpenDrive) -> list[Problem]:
-    return [
-        Problem(severity=n.severity, element=n.element, id=n.id, line=n.line, message=n.message)
-        for n in xodr.notes
-    ]
 
 
 @pytest.mark.parametrize("new", ['revMajor="2"', 'revMajor="one"'])

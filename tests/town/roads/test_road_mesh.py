@@ -12,6 +12,7 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_separation import find_levels
 from carlaloc_env.town.ground.lane_strips import road_strips
+from carlaloc_env.town.ground.terrain import Zones
 from carlaloc_env.town.lanes.records import Lane
 from carlaloc_env.town.roads.sidewalks import KERB_STONE_M, RAMP_M
 from carlaloc_env.town.town import Town
@@ -140,7 +141,7 @@ def test_vehicles_have_room_above_every_lane(town: Town, mesh: Mesh) -> None:
 
 def test_the_boulevard_dives_under_a_roof(town: Town) -> None:
     strips = road_strips(town.network.xodr.roads, town.network.surface)
-    levels = find_levels(strips, np.array([-300.0, -300.0]), np.array([300.0, 300.0]))
+    levels = find_levels(strips, np.full(2, -300.0), np.full(2, 300.0), Zones())
     assert len(levels.stretches) == 1
     stretch = levels.stretches[0]
     assert 55.0 < stretch.detached.sum() < 65.0

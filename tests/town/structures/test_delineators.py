@@ -10,7 +10,7 @@ from shared_fixtures.worlds.towns import town_network
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.ground_plan import Groundwork, lay_groundwork
-from carlaloc_env.town.ground.road_edges import road_edges
+from carlaloc_env.town.ground.road_edges import Waysides, road_edges
 from carlaloc_env.town.sources import find_town
 from carlaloc_env.town.structures.delineators import against_traffic, delineator_feet, spacing_m
 
@@ -48,7 +48,8 @@ def test_along_the_motorway_they_stand_on_the_right_alone_as_far_apart_as_it_ben
     ]
     assert any(against_traffic(edge) for edge in edges)
     assert all(edge.name.endswith("right") for edge in edges if not against_traffic(edge))
-    feet, yaws = delineator_feet(edges, work.zones, work.areas.paved, work.ground)
+    ways = Waysides(edges=edges, zones=work.zones, ground=work.ground, seed=0)
+    feet, yaws = delineator_feet(ways, work.areas.paved)
     assert len(feet) > 60
     assert shapely.distance(work.areas.paved, shapely.points(feet[:, :2])).min() > 0.5
     gap = np.hypot(*np.diff(feet[:, :2], axis=0).T)

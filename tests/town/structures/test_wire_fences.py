@@ -13,8 +13,8 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
-from carlaloc_env.town.ground.road_edges import RoadEdge
-from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides
+from carlaloc_env.town.ground.terrain import Terrain, Zones
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.structures.wire_fences import AWAY_M, CLEAR_M, POST_M, add_wire_fences
 
@@ -32,7 +32,7 @@ EDGE = RoadEdge(
     road_type="motorway",
 )
 ROAD = shapely.box(0.0, 0.0, LENGTH, 14.0)
-COUNTRY = [("highway", shapely.box(-50.0, -100.0, 300.0, 100.0))]
+COUNTRY = Zones([("highway", shapely.box(-50.0, -100.0, 300.0, 100.0))])
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +42,11 @@ def ground() -> Terrain:
 
 
 def built(
-    edge: RoadEdge, blocked: shapely.Geometry, ground: Terrain, zones: list[tuple[str, shapely.Geometry]]
+    edge: RoadEdge, blocked: shapely.Geometry, ground: Terrain, zones: Zones
 ) -> tuple[Mesh, Mesh, shapely.Geometry]:
     out, solid = MeshBuilder(), MeshBuilder()
-    taken = add_wire_fences(out, solid, [edge], zones, blocked, ground)
+    ways = Waysides(edges=[edge], zones=zones, ground=ground, seed=0)
+    taken = add_wire_fences(out, solid, ways, blocked)
     return out.build(), solid.build(), taken
 
 
@@ -78,7 +79,7 @@ def test_streets_and_bridges_have_none(why: str, ground: Terrain) -> None:
         "bridge": replace(EDGE, state=np.full(LENGTH + 1, State.OPEN, dtype=np.int8)),
         "town": EDGE,
     }[why]
-    zones = [("downtown", COUNTRY[0][1])] if why == "town" else COUNTRY
+    zones = Zones([("downtown", COUNTRY[0][1])]) if why == "town" else COUNTRY
     seen, solid, taken = built(edge, ROAD, ground, zones)
     assert len(seen.triangles) == len(solid.triangles) == 0
     assert taken.is_empty
