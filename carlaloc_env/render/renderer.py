@@ -183,12 +183,7 @@ class SceneRenderer:
         return self.begin_shading(gbuffer, weather, stamp_ns=stamp_ns, seed=seed)()
 
     def shade_all(
-        self,
-        gbuffer: GBuffer,
-        weathers: Sequence[WeatherParameters],
-        *,
-        stamp_ns: int = 0,
-        seed: int = 0,
+        self, gbuffer: GBuffer, weathers: Sequence[WeatherParameters], *, stamp_ns: int = 0, seed: int = 0
     ) -> list[NDArray[np.uint8]]:
         """The same under several weathers: the lights of one are found while another is shaded.
 
@@ -204,13 +199,7 @@ class SceneRenderer:
         return [finish() for finish in begun]
 
     def begin_shading(
-        self,
-        gbuffer: GBuffer,
-        weather: WeatherParameters,
-        *,
-        stamp_ns: int = 0,
-        seed: int = 0,
-        slot: int = 0,
+        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int = 0, seed: int = 0, slot: int = 0
     ) -> Callable[[], NDArray[np.uint8]]:
         """Begin what `shade` does, and do not wait for it: the next picture can be drawn meanwhile.
 
@@ -262,13 +251,7 @@ class SceneRenderer:
             return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)
 
     def rain_cd_m2(
-        self,
-        gbuffer: GBuffer,
-        weather: WeatherParameters,
-        *,
-        stamp_ns: int,
-        exposure_s: float,
-        seed: int = 0,
+        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int, exposure_s: float, seed: int = 0
     ) -> NDArray[np.float32]:
         """The layer of falling drops alone, shape (H, W, 4).
 
@@ -313,9 +296,6 @@ class SceneRenderer:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()

@@ -152,9 +152,7 @@ class GeometryPass:
             return Plan(view=view, instances=instances, rounds=rounds)
         if self._live and np.prod(view.size_px) < LOOKS_FROM_PX:
             return Plan(
-                view=view,
-                instances=instances,
-                rounds=[Round(clusters=found, instances=seen, looks=False)],
+                view=view, instances=instances, rounds=[Round(clusters=found, instances=seen, looks=False)]
             )
         turn = np.where(large & (away < LARGE_M), 1, _turn(away))
         later = _turn(distance_m(instances, view)[seen])

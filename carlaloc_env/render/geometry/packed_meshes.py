@@ -147,12 +147,7 @@ def kept(
 def packed_models(meshes: Sequence[Mesh]) -> Arrays:
     """The same of movable models, from the cache: every renderer begins with the same ones."""
     return kept(
-        "models",
-        meshes,
-        lambda: packed(meshes, models=True),
-        module=__name__,
-        content="",
-        kept_files=3,
+        "models", meshes, lambda: packed(meshes, models=True), module=__name__, content="", kept_files=3
     )
 
 

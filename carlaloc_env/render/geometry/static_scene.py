@@ -66,12 +66,7 @@ class _Table:
 class StaticScene:
     """Layers of one scene; their clusters are numbered through, layer by layer."""
 
-    def __init__(
-        self,
-        context: moderngl.Context,
-        chunks: Sequence[Mesh],
-        far: Sequence[Coarseness],
-    ) -> None:
+    def __init__(self, context: moderngl.Context, chunks: Sequence[Mesh], far: Sequence[Coarseness]) -> None:
         """Cut and upload.
 
         Args:

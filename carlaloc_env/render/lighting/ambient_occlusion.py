@@ -26,12 +26,7 @@ BLUR_M = 3.5
 class Roofs:
     """Map of the blurred height of the highest surfaces of a scene."""
 
-    def __init__(
-        self,
-        context: moderngl.Context,
-        programs: Programs,
-        scenery: StaticScene,
-    ) -> None:
+    def __init__(self, context: moderngl.Context, programs: Programs, scenery: StaticScene) -> None:
         if len(scenery):
             low, high = scenery.low_m, scenery.high_m
             self._centre_m = (low + high) / 2

@@ -185,11 +185,7 @@ class Shadows:
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "<"
         self._context.polygon_offset = (2.0, 2.0)
-        set_uniforms(
-            program,
-            u_light=result.clip.T.astype("<f4").tobytes(),
-            u_origin=tuple(result.origin_m),
-        )
+        set_uniforms(program, u_light=result.clip.T.astype("<f4").tobytes(), u_origin=tuple(result.origin_m))
 
     def _end(self) -> None:
         self._context.polygon_offset = (0.0, 0.0)

@@ -137,10 +137,7 @@ def set_shadow_uniforms(
         actors.texture.use(ACTORS)
         matrix, offset = actors.lookup(view.position_m)
         set_uniforms(
-            program,
-            u_shadow_actors=ACTORS,
-            u_light_actors=_bytes(matrix),
-            u_light_actors_eye=tuple(offset),
+            program, u_shadow_actors=ACTORS, u_light_actors=_bytes(matrix), u_light_actors_eye=tuple(offset)
         )
 
 

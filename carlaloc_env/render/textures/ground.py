@@ -6,16 +6,7 @@ import cv2
 import numpy as np
 
 from carlaloc_env.render.textures.block_patterns import BLOCK_PATTERNS
-from carlaloc_env.render.textures.noise import (
-    Field,
-    Layer,
-    blocks,
-    fbm,
-    layer,
-    per_cell,
-    smoothstep,
-    worley,
-)
+from carlaloc_env.render.textures.noise import Field, Layer, blocks, fbm, layer, per_cell, smoothstep, worley
 from carlaloc_env.scene.materials import MATERIALS, Material
 
 

@@ -91,11 +91,7 @@ def _billboard(
 
 def _scene(c: Canvas, motif: str, ground: Rgb, ink: Rgb, rng: np.random.Generator) -> None:
     """Picture in the half that the words leave free, or behind them."""
-    mid: Rgb = (
-        (ground[0] + ink[0]) // 2,
-        (ground[1] + ink[1]) // 2,
-        (ground[2] + ink[2]) // 2,
-    )
+    mid: Rgb = ((ground[0] + ink[0]) // 2, (ground[1] + ink[1]) // 2, (ground[2] + ink[2]) // 2)
     if motif == "car":
         c.polygon([(0.58, 0.22), (0.60, 0.42), (0.68, 0.60), (0.84, 0.60), (0.93, 0.42), (0.96, 0.22)], mid)
         c.polygon([(0.64, 0.42), (0.70, 0.56), (0.76, 0.56), (0.76, 0.42)], ink)

@@ -128,13 +128,7 @@ def _farthest(out: NDArray[np.uint32], depth_bits: NDArray[np.uint32], row: NDAr
 
 
 @compiled
-def _carry(
-    out: F32,
-    depth_m: F32,
-    instance: NDArray[np.uint32],
-    to: Array,
-    clip: Array,
-) -> None:
+def _carry(out: F32, depth_m: F32, instance: NDArray[np.uint32], to: Array, clip: Array) -> None:
     """`to`: from the earlier optical frame to cells of this picture times depth (3, 4); `clip`: earlier."""
     height, width = depth_m.shape
     rows, columns = out.shape
