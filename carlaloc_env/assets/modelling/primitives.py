@@ -19,7 +19,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What a part is made of."""
+    """Material, semantic tag and tint of a part."""
 
     material: Material
     tag: Tag

@@ -114,7 +114,7 @@ def _stations(shape: BodyShape) -> Array:
     radius = 0.5 * shape.tyre_m + shape.arch_m
     arch = radius * np.array([-1.01, -1.0, -0.90, -0.64, -0.24, 0.24, 0.64, 0.90, 1.0, 1.01])
     exact = np.concatenate([[0.0, length], *(axle + arch for axle in shape.axles_d), window_edges])
-    # What lies within 2.5 cm of an edge that must be exact is left out: slivers cost and show nothing.
+    # Loose stations within 2.5 cm of an exact edge are left out: slivers cost and show nothing.
     loose = [d for d in key if np.abs(exact - d).min() > 0.025]
     fixed = np.unique(np.round(np.concatenate([exact, loose]), 4))
     return _filled(fixed[(fixed >= 0.0) & (fixed <= length)], 0.55)
@@ -278,4 +278,4 @@ def _roof_line(shape: BodyShape, d: Array) -> Array:
 
 
 def _line(points: Points, d: ArrayLike) -> Array:
-    return np.asarray(np.interp(d, *np.array(points).T), dtype=np.float64)
+    return np.asarray(np.interp(np.asarray(d), *np.array(points).T), dtype=np.float64)

@@ -22,7 +22,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 PEDAL_PHASES = 24
 """Postures in which a turn of the cranks is stored."""
 CRANK_TRAVEL_M = 5.0
-"""Way of a town bicycle per turn of its cranks [m]: 44 teeth on 19, wheels of 2.14 m."""
+"""Distance of a town bicycle per turn of its cranks [m]: 44 teeth on 19, wheels of 2.14 m."""
 
 
 def motorcycle() -> VehicleParts:
@@ -132,7 +132,7 @@ def _rider(
     ankles: tuple[float, float, float],
     spread: float,
 ) -> Joints:
-    """Joints of somebody who sits; hands, knees and ankles of the left side are mirrored."""
+    """Joints of a sitting rider; hands, knees and ankles of the left side are mirrored."""
     low, high = np.asarray(pelvis, dtype=np.float64), np.asarray(neck, dtype=np.float64)
     joints: Joints = {"pelvis": low, "neck": high, "chest": 0.42 * low + 0.58 * high + (-0.03, 0, 0)}
     joints["head"] = np.asarray(head, dtype=np.float64)
