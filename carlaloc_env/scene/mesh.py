@@ -1,4 +1,4 @@
-"""What can be seen: triangle meshes, a library of movable models, and where each stands now."""
+"""Triangle meshes, a library of movable models, and the poses of its instances."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """How deep a place lies below its surroundings: a cheap stand-in for ambient occlusion.
 
-The static scene is drawn once from straight above. The blurred height of what is highest, less the
-height of a point, says how much of the sky walls, bridges and trees take from it.
+The static scene is drawn once from straight above. The blurred height of the highest surfaces, less the
+height of a point, measures how much of the sky walls, bridges and trees hide from it.
 """
 
 from __future__ import annotations
