@@ -20,7 +20,9 @@ from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 
-def hedge(length_m: float, height_m: float, width_m: float, seed: int = 0, detail: str = "high") -> Mesh:
+def hedge(
+    length_m: float = 3.0, height_m: float = 1.3, width_m: float = 0.6, seed: int = 0, detail: str = "high"
+) -> Mesh:
     """Clipped hedge along +x from the origin."""
     rng = stream(seed, "hedge")
     core = Look(Material.LEAF, Tag.VEGETATION, (86, 122, 99))

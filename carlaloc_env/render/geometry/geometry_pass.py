@@ -106,8 +106,7 @@ class GeometryPass:
         self._distant = Distant(library) if live else None
         self._least_px = LEAST_PX if live else 0.0
         self._poses = InstanceBuffer(context, len(library))
-        squares = [sum(axis.astype(np.float64) ** 2 for axis in mesh.vertices_m.T) for mesh in library.meshes]
-        self._radius_m = np.sqrt([np.max(square, initial=0.0) for square in squares])
+        self._radius_m = np.array([_reach_m(mesh) for mesh in library.meshes], dtype=np.float64)
         self._low_m, self._high_m = mesh_boxes(library.meshes)
         self._textures = upload_textures(programs, albedo, trilinear=not is_software(context))
         give_back_mapped_pages(albedo)
@@ -312,6 +311,12 @@ class GeometryPass:
         target = self._flush_target
         for part in (target, *target.color_attachments, target.depth_attachment):
             part.release()
+
+
+def _reach_m(mesh: Mesh) -> float:
+    """Distance of a mesh's farthest vertex from its origin [m]."""
+    squares = sum(axis.astype(np.float64) ** 2 for axis in mesh.vertices_m.T)
+    return float(np.sqrt(np.max(squares, initial=0.0)))
 
 
 def _turn(away_m: Array) -> Index:
