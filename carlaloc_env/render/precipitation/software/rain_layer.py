@@ -149,7 +149,8 @@ class _Seen(NamedTuple):
 
     def take(self, which: NDArray[np.bool_]) -> _Seen:
         """Some of them."""
-        return _Seen(*(column[which] for column in self[:4]), self.intrinsics)
+        begin, end, diameter, light, intrinsics = self
+        return _Seen(begin[which], end[which], diameter[which], light[which], intrinsics)
 
 
 def _seen_by(view: CameraView, streaks: Streaks, light: Array) -> _Seen:
