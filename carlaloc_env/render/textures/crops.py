@@ -37,4 +37,5 @@ def _stalks(rng: np.random.Generator, size: int, count: int) -> Field:
     half = rng.uniform(0.006, 0.016, count) * size
     value = rng.normal(0.0, 1.1, count)
     step = half[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return lines_that_wrap(size, centre, step, value)
+    copies = [(du, dv) for du in (-size, 0, size) for dv in (-size, 0, size)]
+    return lines_that_wrap(size, centre, step, value, copies)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -167,19 +169,29 @@ def _strokes(rng: np.random.Generator, size: int, count: int, length: tuple[floa
     angle, reach = rng.random(count) * np.pi, rng.uniform(*length, count) * size
     value = rng.normal(0.0, 1.2, count)
     step = 0.5 * reach[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return lines_that_wrap(size, centre, step, value)
+    copies = [(du, dv) for dv in (-size, 0, size) for du in (-size, 0, size)]
+    return lines_that_wrap(size, centre, step, value, copies)
 
 
-def lines_that_wrap(size: int, centre_px: Array, step_px: Array, value: Array) -> Field:
-    """Lines of N values from `centre - step` to `centre + step`, (N, 2) each, that wrap over the border."""
+def lines_that_wrap(
+    size: int, centre_px: Array, step_px: Array, value: Array, copies_px: Sequence[tuple[int, int]]
+) -> Field:
+    """Lines that wrap over the border; later ones cover earlier ones.
+
+    Args:
+        size: Edge [px].
+        centre_px: Middles, shape (N, 2).
+        step_px: From the middles to the ends, shape (N, 2).
+        value: Value of each, shape (N,).
+        copies_px: Shifts of the copies of all lines, in the order of drawing.
+    """
     margin = int(np.ceil(np.abs(step_px).max())) + 2
     canvas = np.zeros((size + 2 * margin, size + 2 * margin), np.float32)
     start, end = centre_px - step_px, centre_px + step_px
-    for dv in (-size, 0, size):
-        for du in (-size, 0, size):
-            shift = np.array([du, dv]) + margin
-            inside = np.all((centre_px + shift > 0) & (centre_px + shift < canvas.shape[0]), axis=-1)
-            for k in np.flatnonzero(inside):
-                a, b = np.round(start[k] + shift).astype(int), np.round(end[k] + shift).astype(int)
-                cv2.line(canvas, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), float(value[k]), 1)
+    for copy in copies_px:
+        shift = np.array(copy) + margin
+        inside = np.all((centre_px + shift > 0) & (centre_px + shift < canvas.shape[0]), axis=-1)
+        for k in np.flatnonzero(inside):
+            a, b = np.round(start[k] + shift).astype(int), np.round(end[k] + shift).astype(int)
+            cv2.line(canvas, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), float(value[k]), 1)
     return canvas[margin : margin + size, margin : margin + size]
