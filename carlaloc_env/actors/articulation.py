@@ -1,4 +1,4 @@
-"""What moves on an actor: wheels that turn and steer, the phase of a gait; tables for placing them."""
+"""Moving parts of actors: wheels that turn and steer, phases of a gait; tables for placing them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.catalog import GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
 from carlaloc_env.assets.vehicles.all_vehicles import vehicle
+from carlaloc_env.assets.vehicles.lit_lamps import LAMPS
 from carlaloc_env.assets.vehicles.parts import VehicleParts
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import ConfigError, unknown_name
@@ -20,8 +21,6 @@ LOW_FROM_M = 30.0
 """Distance from the ego from which vehicles are drawn in few triangles and without turning wheels [m]."""
 LOW_WALKER_FROM_M = 20.0
 """The same for walkers [m]."""
-LAMPS = ("brake", "left", "right", "reverse")
-"""Lamps of vehicles that can be lit."""
 STEER_STEP_RAD = float(np.radians(4.0))
 """Steps in which LiDAR sees steered wheels: a tyre's edge lies within 12 mm of its true place."""
 _STEER_STEPS = 10
@@ -50,7 +49,7 @@ class Families:
     coarse: NDArray[np.bool_]
     """Whether the library holds the family in few triangles."""
     parted: NDArray[np.bool_]
-    """Whether wheels and plates are drawn on their own."""
+    """Whether wheels and plates are drawn separately."""
     wheel_begin: Index
     """First row of each family in the wheel arrays; one more for the end, shape (F + 1,)."""
     wheel_model: Index
@@ -167,7 +166,7 @@ def walker_models(
 
 
 def pedalling(tables: Families, family: Index, travelled_m: NDArray[np.floating]) -> Index:
-    """Which phase of pedalling each of N actors is in, by the way it has covered; 0 for all but cycles."""
+    """Phase of pedalling of each of N actors by the distance covered; 0 for all but cycles."""
     turns = np.asarray(travelled_m, dtype=np.float64) / tables.crank_travel_m[family]
     count = tables.phases[family]
     return np.floor(turns * count + 0.5).astype(np.intp) % count

@@ -54,7 +54,7 @@ def instances_at(library: ModelLibrary, lenses: SignalLenses, snapshot: Snapshot
     ego = place_ego(snapshot.T_world_base, library, snapshot.ego_lights)
     if not snapshot.ego_headlamps:
         ego = replace(ego, instance=np.full(len(ego), UNLIT_EGO_INSTANCE, np.uint32))
-    # Detail goes by the ego's place, so that both eyes see the same shapes.
+    # The ego's place decides the detail, so that both eyes see the same shapes.
     eye_m = snapshot.T_world_base[:3, 3]
     return concatenate_instances(
         [
@@ -71,9 +71,9 @@ def place_actors(
 ) -> Instances:
     """Actors as models, in the catalogue's order, then wheels and number plates of the near ones.
 
-    Vehicles follow heading, pitch and roll; their wheels turn with the distance covered and steer, and it
-    turns the cranks of cycles. Walkers stay upright, and the distance they walked chooses the phase of
-    their gait; they stand up to half a phase's way behind their place, so that the foot on the ground
+    Vehicles follow heading, pitch and roll; their wheels steer, and the distance covered turns wheels and
+    cranks. Walkers stay upright, and the distance they walked chooses the phase of
+    their gait; they stand up to half a phase behind their place, so that the foot on the ground
     does not slide.
 
     Args:

@@ -1,4 +1,4 @@
-"""Which shape rays meet where an actor is: the one that cameras see, at each ray's own time."""
+"""Shapes of actors for rays: the ones that cameras see, at the time of each ray."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from carlaloc_env.timeline.snapshot import Snapshot
 def ray_models(
     library: ModelLibrary, snapshot: Snapshot, eye_m: ArrayLike
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """What rays meet where an actor is: the shape that `place_actors` gives cameras.
+    """Models that rays meet: the shapes that `place_actors` gives cameras.
 
     Args:
         library: Models of `assets.model_library.build_library`.
-        snapshot: Where everybody is.
+        snapshot: State of all actors.
         eye_m: Where the rays come from [m], shape (3,).
 
     Returns:
@@ -46,7 +46,7 @@ def ray_postures(
 
     Args:
         library: Models of `assets.model_library.build_library`.
-        snapshot: Where everybody is at one time.
+        snapshot: State of all actors at one time.
         eye_m: Where the rays come from [m], shape (3,).
         actor: Walkers, shape (M,).
         since_s: Time since the snapshot of each [s], shape (M,).

@@ -16,9 +16,9 @@ from carlaloc_env.assets.vehicles.lit_lamps import lit_lamps
 from carlaloc_env.assets.vehicles.parts import PlateMount, plate
 from carlaloc_env.assets.walkers.all_walkers import walker_models
 from carlaloc_env.core.files.array_cache import Arrays, cached
-from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
+from carlaloc_env.scene.mesh_arrays import meshes_from_arrays, meshes_to_arrays
 from carlaloc_env.scene.semantic_tags import Tag
 
 LENS_RADIUS_M = 0.15
@@ -55,21 +55,21 @@ def build_library() -> ModelLibrary:
         "models",
         module=__name__,
         make=lambda: make_models(),
-        to_arrays=_to_arrays,
-        from_arrays=_from_arrays,
+        to_arrays=_models_to_arrays,
+        from_arrays=_models_from_arrays,
         kept_files=KEPT_FILES,
     )
     return ModelLibrary(models)
 
 
-def _to_arrays(models: Mapping[str, Mesh]) -> Arrays:
+def _models_to_arrays(models: Mapping[str, Mesh]) -> Arrays:
     names = np.frombuffer("\n".join(models).encode(), np.uint8)
-    return {"names": names, **mesh_arrays.to_arrays(list(models.values()))}
+    return {"names": names, **meshes_to_arrays(list(models.values()))}
 
 
-def _from_arrays(arrays: Arrays) -> dict[str, Mesh]:
+def _models_from_arrays(arrays: Arrays) -> dict[str, Mesh]:
     names = arrays["names"].tobytes().decode().split("\n")
-    return dict(zip(names, mesh_arrays.from_arrays(arrays), strict=True))
+    return dict(zip(names, meshes_from_arrays(arrays), strict=True))
 
 
 def make_models() -> dict[str, Mesh]:
@@ -79,9 +79,10 @@ def make_models() -> dict[str, Mesh]:
         parts = vehicle(name)
         models[name] = parts.whole
         models |= {f"{name}/{k + 1:02d}": parts.steered(0.0, k + 1) for k in range(len(parts.pedalled))}
-        for kind, first, own in (("body", parts.body, 0), ("low", parts.low, 1)):
-            models[f"{name}/{kind}"] = first
-            models |= {f"{name}/{kind}/{k + 1:02d}": pair[own] for k, pair in enumerate(parts.pedalled)}
+        bodies, lows = zip((parts.body, parts.low), *parts.pedalled, strict=True)
+        for kind, phases in (("body", bodies), ("low", lows)):
+            models[f"{name}/{kind}"] = phases[0]
+            models |= {f"{name}/{kind}/{k:02d}": mesh for k, mesh in enumerate(phases[1:], 1)}
         for k, mesh in enumerate(dict.fromkeys(mount.mesh for mount in parts.wheels)):
             models[f"{name}/wheel{k}"] = mesh
         models.update(lit_lamps(name, parts.body))

@@ -1,4 +1,4 @@
-"""What stands on the number plates of vehicles, and where each lies in the texture `Material.PLATE`."""
+"""Texts of the vehicles' number plates, and the place of each in the texture `Material.PLATE`."""
 
 from __future__ import annotations
 

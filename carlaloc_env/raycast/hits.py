@@ -1,4 +1,4 @@
-"""What rays meet first, as parallel arrays."""
+"""First hits of rays, as parallel arrays."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A town and all that moves in it, hit by rays that are each cast at their own time.
+"""A town and its actors, hit by rays that have a time each.
 
 The static town is one Embree scene. A moving actor is hit in its own frame: the rays that may
-meet it are carried there with the actor's pose at each ray's own time, so one model serves all
+meet it are carried there with the actor's pose at the time of each ray, so one model serves all
 actors that look like it, nothing is rebuilt between sweeps, and a passing car is sheared as a
 rolling sensor sees it.
 """
@@ -55,7 +55,7 @@ class RayScene:
         self.middle_m = (
             np.round(town.bounds_m.mean(axis=0, dtype=np.float64)) if len(town.triangles) else np.zeros(3)
         )
-        """Whence `trace` counts coordinates [m], world, shape (3,)."""
+        """Origin of the coordinates of `trace` [m], world, shape (3,)."""
         self._static = Surface(self._o3d, _moved(town, -self.middle_m), shared=True)
         self._models: dict[tuple[int, int], Surface] = {}
         self._extents: dict[int, Array] = {}

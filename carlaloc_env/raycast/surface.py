@@ -97,7 +97,7 @@ def _read(
     labels: tuple[NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint8]],
     out: tuple[F32, NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint8], F32],
 ) -> None:
-    """What N rays meet, by the triangle of each, as the arrays of `Hits`."""
+    """Hits of N rays by the triangle of each, as the arrays of `Hits`."""
     corners, vertices_m = mesh
     tag, instance, material = labels
     out_range, out_tag, out_instance, out_material, out_cosine = out

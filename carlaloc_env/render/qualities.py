@@ -1,4 +1,4 @@
-"""Names of render qualities; light, so that a wrong one is told before anything is drawn."""
+"""Names of render qualities; imports little, so that a wrong one is reported before anything is drawn."""
 
 from __future__ import annotations
 

@@ -23,9 +23,9 @@ from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
 
 SWAY_S = 0.012
-"""Way of leaves per wind speed [s]: 0.18 m in a storm of 15 m/s."""
+"""Displacement of leaves per wind speed [s]: 0.18 m in a storm of 15 m/s."""
 SWAY_PERIOD_NS = 1_000_000_000_000
-"""Shaders count time in single precision; so long after its beginning the leaves jump back [ns]."""
+"""Period after which leaves jump back [ns], since shaders count time in single precision."""
 ACTOR_SHADOW_RANGE_M = 90.0
 """Distance from the camera up to which movable models throw shadows [m]."""
 
@@ -104,7 +104,7 @@ class SceneRenderer:
         stamp_ns: int = 0,
         earlier: GBuffer | None = None,
     ) -> GBuffer:
-        """What a camera sees, before any weather.
+        """Draw the geometry that a camera sees, before any weather.
 
         Args:
             camera: Intrinsics.
@@ -113,10 +113,10 @@ class SceneRenderer:
             velocity_mps: Velocity of the camera in the world, shape (3,); streaks of rain slant with it.
             wind_mps: Wind that sways leaves, shape (3,); still by default, since LiDARs see still leaves
                 and all weathers of a drive share their geometry.
-            stamp_ns: Time of the picture [ns]; tells where the leaves are.
-            earlier: What this renderer drew for the same window a moment before: what that hides is
-                left out unseen. Faster where reading back takes long, but for live pictures only: what
-                comes out from behind something may show late by the time between the two.
+            stamp_ns: Time of the picture [ns], at which the leaves sway.
+            earlier: G-buffer of the same window a moment before: things hidden by it are not drawn. Faster
+                where reading back takes long, but for live pictures only: things that come out from behind
+                others may appear later by the time between the two.
         """
         return self.begin_drawing(
             camera,
@@ -144,7 +144,7 @@ class SceneRenderer:
         Takes the arguments of `draw`.
 
         Returns:
-            What draws it; to be called once.
+            Function that draws it; to be called once.
         """
         x, y, z = (SWAY_S * float(speed) for speed in np.asarray(wind_mps, dtype=np.float64))
         sway = (x, y, z, stamp_ns % SWAY_PERIOD_NS * 1e-9)
@@ -175,20 +175,15 @@ class SceneRenderer:
         """Colour picture under a weather, sRGB, shape (H, W, 3).
 
         Args:
-            gbuffer: What `draw` returned.
+            gbuffer: Result of `draw`.
             weather: Light and air.
-            stamp_ns: Time of the picture [ns]; keys its dither, and tells where the rain is.
+            stamp_ns: Time of the picture [ns]; keys its dither, and places the rain.
             seed: Seed of dither and rain.
         """
         return self.begin_shading(gbuffer, weather, stamp_ns=stamp_ns, seed=seed)()
 
     def shade_all(
-        self,
-        gbuffer: GBuffer,
-        weathers: Sequence[WeatherParameters],
-        *,
-        stamp_ns: int = 0,
-        seed: int = 0,
+        self, gbuffer: GBuffer, weathers: Sequence[WeatherParameters], *, stamp_ns: int = 0, seed: int = 0
     ) -> list[NDArray[np.uint8]]:
         """The same under several weathers: the lights of one are found while another is shaded.
 
@@ -204,20 +199,14 @@ class SceneRenderer:
         return [finish() for finish in begun]
 
     def begin_shading(
-        self,
-        gbuffer: GBuffer,
-        weather: WeatherParameters,
-        *,
-        stamp_ns: int = 0,
-        seed: int = 0,
-        slot: int = 0,
+        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int = 0, seed: int = 0, slot: int = 0
     ) -> Callable[[], NDArray[np.uint8]]:
         """Begin what `shade` does, and do not wait for it: the next picture can be drawn meanwhile.
 
         Takes the arguments of `shade`, and:
 
         Args:
-            gbuffer: What `draw` returned.
+            gbuffer: Result of `draw`.
             weather: Light and air.
             stamp_ns: Time of the picture [ns].
             seed: Seed of dither and rain.
@@ -225,8 +214,8 @@ class SceneRenderer:
                 waited for.
 
         Returns:
-            What waits for the picture and returns it; to be called before the next shading in its slot is
-            begun.
+            Function that waits for the picture and returns it; to be called before the next shading in its
+            slot is begun.
         """
         self._read_ahead(gbuffer, weather)
         with self._context:
@@ -250,7 +239,7 @@ class SceneRenderer:
         """Linear BT.709 luminance before exposure [cd/m²], shape (H, W, 3).
 
         Args:
-            gbuffer: What `draw` returned.
+            gbuffer: Result of `draw`.
             weather: Light and air.
             stamp_ns: Time of the picture [ns]; None leaves falling drops out, which no warp of a picture
                 by the motion of surfaces can follow.
@@ -262,18 +251,12 @@ class SceneRenderer:
             return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)
 
     def rain_cd_m2(
-        self,
-        gbuffer: GBuffer,
-        weather: WeatherParameters,
-        *,
-        stamp_ns: int,
-        exposure_s: float,
-        seed: int = 0,
+        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int, exposure_s: float, seed: int = 0
     ) -> NDArray[np.float32]:
         """The layer of falling drops alone, shape (H, W, 4).
 
         Args:
-            gbuffer: What `draw` returned.
+            gbuffer: Result of `draw`.
             weather: Rain and light.
             stamp_ns: End of the exposure [ns].
             exposure_s: Exposure time, which makes the streaks long [s].
@@ -313,9 +296,6 @@ class SceneRenderer:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()

@@ -121,12 +121,7 @@ class Shader:
         return finished
 
     def radiance_cd_m2(
-        self,
-        gbuffer: GBuffer,
-        weather: WeatherParameters,
-        casters: Casters,
-        stamp_ns: int | None,
-        seed: int,
+        self, gbuffer: GBuffer, weather: WeatherParameters, casters: Casters, stamp_ns: int | None, seed: int
     ) -> NDArray[np.float32]:
         """Luminance before exposure [cd/m²], shape (H, W, 3)."""
         scene = self._scene(gbuffer, weather, stamp_ns or 0, seed)

@@ -1,1 +1,1 @@
-"""What a scene is made of: meshes, materials, semantic tags, lenses of traffic lights."""
+"""Parts of a scene: meshes, materials, semantic tags, lenses of traffic lights."""

@@ -144,9 +144,9 @@ MATERIALS: dict[Material, MaterialInfo] = {
     Material.SHOP_FRONT_B: MaterialInfo(3.0, 0.10, 0.0, 0.10),
     Material.ASPHALT_MOTORWAY: MaterialInfo(2.5, 0.90, 1.0, 0.17),
 }
-"""What light and LiDAR meet, for each material."""
+"""Optical properties of each material."""
 
 
-def table(field: str) -> NDArray[np.float32]:
+def material_values(field: str) -> NDArray[np.float32]:
     """One property of all materials as an array indexed by `Material`, shape (len(Material),)."""
     return np.array([getattr(MATERIALS[material], field) for material in Material], dtype=np.float32)

@@ -1,4 +1,4 @@
-"""What can be seen: triangle meshes, a library of movable models, and where each stands now."""
+"""Triangle meshes, a library of movable models, and the poses of its instances."""
 
 from __future__ import annotations
 
@@ -116,17 +116,18 @@ def make_mesh(
 
 def vertex_normals(vertices_m: F32, triangles: NDArray[np.uint32]) -> F32:
     """Area-weighted unit normals, shape (V, 3)."""
-    a, b, c = (vertices_m[triangles[:, i]].astype(np.float64) for i in range(3))
-    face = cross(b - a, c - a)
-    total = np.stack(
-        [
-            np.bincount(triangles.ravel(), np.repeat(face[:, axis], 3), minlength=len(vertices_m))
-            for axis in range(3)
-        ],
-        axis=-1,
-    )
+    corners = triangles.ravel()
+    weights = np.repeat(face_vectors(vertices_m.astype(np.float64), triangles), 3, axis=0)
+    sums = [np.bincount(corners, weights[:, axis], minlength=len(vertices_m)) for axis in range(3)]
+    total = np.stack(sums, axis=-1)
     length = np.linalg.norm(total, axis=-1, keepdims=True)
     return (total / np.where(length > 0, length, 1.0)).astype(np.float32)
+
+
+def face_vectors(vertices_m: NDArray[np.floating], triangles: NDArray[np.integer]) -> NDArray[np.floating]:
+    """Vectors across triangles, twice as long as their area [m²], shape (T, 3)."""
+    a, b, c = (np.take(vertices_m, triangles[:, i], axis=0) for i in range(3))
+    return np.asarray(cross(b - a, c - a))
 
 
 def merge(meshes: Iterable[Mesh]) -> Mesh:

@@ -13,7 +13,7 @@ from carlaloc_env.scene.mesh import VERTEX_FIELDS, Mesh
 _FIELDS = ("triangles", *VERTEX_FIELDS)
 
 
-def to_arrays(meshes: Sequence[Mesh]) -> dict[str, NDArray[Any]]:
+def meshes_to_arrays(meshes: Sequence[Mesh]) -> dict[str, NDArray[Any]]:
     """Arrays of meshes, one for each of their attributes, and the numbers of their vertices and triangles."""
     arrays: dict[str, NDArray[Any]] = {
         "vertex_counts": np.array([len(mesh.vertices_m) for mesh in meshes], dtype=np.int64),
@@ -24,7 +24,7 @@ def to_arrays(meshes: Sequence[Mesh]) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def from_arrays(arrays: Mapping[str, NDArray[Any]]) -> tuple[Mesh, ...]:
+def meshes_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> tuple[Mesh, ...]:
     """The meshes again, as views of the arrays.
 
     Raises:
@@ -37,5 +37,5 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]]) -> tuple[Mesh, ...]:
     for index in range(len(vertex) - 1):
         rows = dict.fromkeys(_FIELDS, slice(vertex[index], vertex[index + 1]))
         rows["triangles"] = slice(triangle[index], triangle[index + 1])
-        meshes.append(Mesh(**{name: arrays[f"mesh_{name}"][own] for name, own in rows.items()}))
+        meshes.append(Mesh(**{name: arrays[f"mesh_{name}"][part] for name, part in rows.items()}))
     return tuple(meshes)

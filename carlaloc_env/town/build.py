@@ -12,8 +12,8 @@ import numpy as np
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.array_cache import cached
 from carlaloc_env.road.road_profile import Roughness
-from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.mesh_arrays import meshes_from_arrays, meshes_to_arrays
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
@@ -154,8 +154,8 @@ class _TownCache:
         return self._keep(
             "scenery",
             make=lambda: self._built.chunks,
-            to_arrays=mesh_arrays.to_arrays,
-            from_arrays=mesh_arrays.from_arrays,
+            to_arrays=meshes_to_arrays,
+            from_arrays=meshes_from_arrays,
         )
 
     def _build_roads(self) -> TownRoads:

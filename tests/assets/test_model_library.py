@@ -13,7 +13,7 @@ from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary, make_mesh
-from carlaloc_env.scene.mesh_arrays import from_arrays, to_arrays
+from carlaloc_env.scene.mesh_arrays import meshes_from_arrays, meshes_to_arrays
 from carlaloc_env.scene.semantic_tags import Tag
 
 FIELDS = ("vertices_m", "triangles", "normals", "uv_m", "colour", "material", "tag", "instance")
@@ -55,7 +55,7 @@ def again() -> ModelLibrary:
 def test_meshes_come_back_from_arrays_as_they_were() -> None:
     empty = make_mesh(np.zeros((0, 3)), np.zeros((0, 3)), material=Material.PLAIN, tag=Tag.ROAD)
     meshes = [small(1.0), empty, small(2.0)]
-    for one, other in zip(meshes, from_arrays(to_arrays(meshes)), strict=True):
+    for one, other in zip(meshes, meshes_from_arrays(meshes_to_arrays(meshes)), strict=True):
         assert_same(one, other)
 
 

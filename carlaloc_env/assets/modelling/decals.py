@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, mirrored
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import cross
-from carlaloc_env.scene.mesh import Mesh, make_mesh
+from carlaloc_env.scene.mesh import Mesh, face_vectors
 
 _RANGE_M = 1.0
 """How far behind the foremost point of nose or tail a patch may lie [m]."""
@@ -29,9 +28,7 @@ class Decals:
         self._low, self._high = self._corners.min(axis=1), self._corners.max(axis=1)
         self._normals = body.normals[body.triangles].astype(np.float64)
         self._lifts = _welded_normals(body)[body.triangles]
-        self._face = cross(
-            self._corners[:, 1] - self._corners[:, 0], self._corners[:, 2] - self._corners[:, 0]
-        )
+        self._face = face_vectors(body.vertices_m.astype(np.float64), body.triangles)
         self._face /= np.maximum(np.sqrt(np.sum(self._face**2, axis=1, keepdims=True)), 1e-12)
 
     def front(self, look: Look, outline_yz: ArrayLike, layer: int = 0) -> None:
@@ -44,8 +41,7 @@ class Decals:
 
     def sides(self, look: Look, outline_xz: ArrayLike, layer: int = 0) -> None:
         """Patch on both sides inside a convex outline of points (x, z)."""
-        if self._patch(look, outline_xz, 1, 1.0, layer):
-            self.meshes.append(mirrored(self.meshes[-1]))
+        self._patch(look, outline_xz, 1, 1.0, layer, pair=True)
 
     def side(self, look: Look, outline_xz: ArrayLike, side: float, layer: int = 0) -> None:
         """Patch on the left (+1) or right (−1) side inside a convex outline of points (x, z)."""
@@ -53,21 +49,19 @@ class Decals:
 
     def pair_front(self, look: Look, outline_yz: ArrayLike, layer: int = 0) -> None:
         """Patch on the left of the nose and its mirror image."""
-        if self._patch(look, outline_yz, 0, 1.0, layer):
-            self.meshes.append(mirrored(self.meshes[-1]))
+        self._patch(look, outline_yz, 0, 1.0, layer, pair=True)
 
     def pair_rear(self, look: Look, outline_yz: ArrayLike, layer: int = 0) -> None:
         """Patch on the left of the tail and its mirror image."""
-        if self._patch(look, outline_yz, 0, -1.0, layer):
-            self.meshes.append(mirrored(self.meshes[-1]))
+        self._patch(look, outline_yz, 0, -1.0, layer, pair=True)
 
-    def seam(self, look: Look, line_xz: ArrayLike, width_m: float = 0.012, layer: int = 0) -> None:
+    def seam(self, look: Look, line_xz: ArrayLike, width_m: float) -> None:
         """Thin line on both sides through points (x, z), e.g. a door gap."""
         line = np.asarray(line_xz, dtype=np.float64)
         for a, b in pairwise(line):
             along = (b - a) / max(float(np.sqrt(np.sum((b - a) ** 2))), 1e-6)
             across = 0.5 * width_m * np.array([-along[1], along[0]])
-            self.sides(look, np.stack([a - across, b - across, b + across, a + across]), layer)
+            self.sides(look, np.stack([a - across, b - across, b + across, a + across]))
 
     def surface_x(self, y_m: float, z_m: float, facing: float) -> float:
         """Where the nose (facing +1) or tail (−1) lies at a place seen from ahead or behind [m]."""
@@ -90,8 +84,10 @@ class Decals:
         at = (1 - u - v) * x[:, 0] + u * x[:, 1] + v * x[:, 2]
         return facing * float(np.max(np.where(inside, facing * at, -np.inf)))
 
-    def _patch(self, look: Look, outline: ArrayLike, axis: int, facing: float, layer: int) -> bool:
-        """Add the part of the surface inside an outline; whether there is any."""
+    def _patch(
+        self, look: Look, outline: ArrayLike, axis: int, facing: float, layer: int, *, pair: bool = False
+    ) -> None:
+        """Add the part of the surface inside an outline, if there is any, and its mirror image for a pair."""
         across = [a for a in range(3) if a != axis]
         edge = np.asarray(outline, dtype=np.float64)
         turn = edge - edge.mean(axis=0)
@@ -112,22 +108,14 @@ class Decals:
             lifts.append(np.sum(share[:, :, None] * self._lifts[k][None], axis=1))
             triangles += [(begin, begin + i, begin + i + 1) for i in range(1, len(clipped) - 1)]
         if not triangles:
-            return False
+            return
         at, normal = np.concatenate(points), np.concatenate(normals)
         normal /= np.maximum(np.sqrt(np.sum(normal**2, axis=1, keepdims=True)), 1e-9)
         lift = self._lift_m + 0.003 * layer
-        self.meshes.append(
-            make_mesh(
-                at + lift * np.concatenate(lifts),
-                triangles,
-                material=look.material,
-                tag=look.tag,
-                uv_m=at[:, across] - edge.min(axis=0),
-                normals=normal,
-                colour=look.colour,
-            )
-        )
-        return True
+        uv = at[:, across] - edge.min(axis=0)
+        self.meshes.append(look.mesh(at + lift * np.concatenate(lifts), triangles, uv, normal))
+        if pair:
+            self.meshes.append(mirrored(self.meshes[-1]))
 
     def _candidates(self, edge: Array, axis: int, facing: float, across: list[int]) -> NDArray[np.intp]:
         """Triangles that face the viewer and whose box meets the outline's."""

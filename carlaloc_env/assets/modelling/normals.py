@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import cross
-from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.mesh import Mesh, face_vectors
 
 
 def crease(mesh: Mesh, crease_deg: float) -> Mesh:
@@ -19,8 +18,7 @@ def crease(mesh: Mesh, crease_deg: float) -> Mesh:
     Degenerate triangles are dropped; corners are split where the normal differs.
     """
     tri = mesh.triangles.astype(np.int64)
-    a, b, c = (mesh.vertices_m[tri[:, i]].astype(np.float64) for i in range(3))
-    face = cross(b - a, c - a)
+    face = face_vectors(mesh.vertices_m.astype(np.float64), tri)
     area = np.sqrt(np.sum(face * face, axis=-1))
     keep = area > 1e-9
     tri, face, area = tri[keep], face[keep], area[keep]
@@ -48,12 +46,12 @@ def _corner_normals(weld: NDArray[np.int64], face: Array, area: Array, crease_de
     order = np.argsort(weld, kind="stable")
     count = np.bincount(weld)
     start = np.cumsum(count) - count
-    own = np.repeat(np.arange(len(weld)), count[weld])
-    within = np.arange(len(own)) - np.repeat(np.cumsum(count[weld]) - count[weld], count[weld])
-    other = order[start[weld[own]] + within]
+    corner = np.repeat(np.arange(len(weld)), count[weld])
+    within = np.arange(len(corner)) - np.repeat(np.cumsum(count[weld]) - count[weld], count[weld])
+    neighbour = order[start[weld[corner]] + within]
     unit = face / area[:, None]
-    near = np.sum(unit[own] * unit[other], axis=-1) > elementary.cos(np.radians(crease_deg))
-    total = np.stack(
-        [np.bincount(own[near], face[other[near], axis], minlength=len(weld)) for axis in range(3)], axis=-1
-    )
+    near = np.sum(unit[corner] * unit[neighbour], axis=-1) > elementary.cos(np.radians(crease_deg))
+    corner, neighbour = corner[near], neighbour[near]
+    sums = [np.bincount(corner, face[neighbour, axis], minlength=len(weld)) for axis in range(3)]
+    total = np.stack(sums, axis=-1)
     return np.asarray(total / np.sqrt(np.sum(total * total, axis=-1, keepdims=True)))

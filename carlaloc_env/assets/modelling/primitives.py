@@ -19,12 +19,30 @@ from carlaloc_env.scene.semantic_tags import Tag
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What a part is made of."""
+    """Material, semantic tag and tint of a part."""
 
     material: Material
     tag: Tag
     colour: Colour = WHITE
     """Linear tint 0–255."""
+
+    def mesh(
+        self,
+        vertices_m: ArrayLike,
+        triangles: ArrayLike,
+        uv_m: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+    ) -> Mesh:
+        """Mesh of this look; arguments as of `make_mesh`."""
+        return make_mesh(
+            vertices_m,
+            triangles,
+            material=self.material,
+            tag=self.tag,
+            uv_m=uv_m,
+            normals=normals,
+            colour=self.colour,
+        )
 
 
 def surface(
@@ -36,16 +54,7 @@ def surface(
 ) -> Mesh:
     """Mesh of one look with normals that are smooth up to an edge angle [deg]."""
     vertices = np.asarray(vertices_m, dtype=np.float32)
-    mesh = make_mesh(
-        vertices,
-        triangles,
-        material=look.material,
-        tag=look.tag,
-        uv_m=uv_m,
-        normals=np.zeros_like(vertices),
-        colour=look.colour,
-    )
-    return crease(mesh, crease_deg)
+    return crease(look.mesh(vertices, triangles, uv_m, np.zeros_like(vertices)), crease_deg)
 
 
 def _box_tables() -> tuple[Array, NDArray[np.int64], NDArray[np.uint32], NDArray[np.float32]]:
@@ -73,15 +82,7 @@ def box(look: Look, size_m: ArrayLike, centre_m: ArrayLike = (0.0, 0.0, 0.0)) ->
     corners = _BOX_SIGNS * half
     # Pictures lie along each face: seen from a side upright, on top and bottom along x and y.
     uv = np.take_along_axis(corners + half, _BOX_UV, axis=1)
-    return make_mesh(
-        corners + np.asarray(centre_m, dtype=np.float64),
-        _BOX_TRIANGLES,
-        material=look.material,
-        tag=look.tag,
-        uv_m=uv,
-        normals=_BOX_NORMALS,
-        colour=look.colour,
-    )
+    return look.mesh(corners + np.asarray(centre_m, dtype=np.float64), _BOX_TRIANGLES, uv, _BOX_NORMALS)
 
 
 def quad(look: Look, corners_m: ArrayLike, uv_m: ArrayLike | None = None) -> Mesh:
@@ -117,7 +118,7 @@ def tube(
     look: Look,
     points_m: ArrayLike,
     radii_m: ArrayLike,
-    sides: int = 8,
+    sides: int,
     caps: bool = True,
     crease_deg: float = 50.0,
 ) -> Mesh:
@@ -158,24 +159,16 @@ def rings(look: Look, grid_m: ArrayLike, *, caps: bool = True, crease_deg: float
     )
 
 
-def lathe(
-    look: Look,
-    profile_m: ArrayLike,
-    sides: int = 12,
-    centre_m: ArrayLike = (0.0, 0.0, 0.0),
-    crease_deg: float = 40.0,
-) -> Mesh:
+def lathe(look: Look, profile_m: ArrayLike, sides: int, centre_m: ArrayLike = (0.0, 0.0, 0.0)) -> Mesh:
     """Body of revolution about the upright axis; profile of (radius, height) from the bottom up."""
     profile = np.asarray(profile_m, dtype=np.float64)
     grid = np.zeros((len(profile), sides, 3))
     grid[..., :2] = profile[:, :1, None] * circle(sides)
     grid[..., 2] = profile[:, 1:]
-    return rings(look, grid + np.asarray(centre_m, dtype=np.float64), crease_deg=crease_deg)
+    return rings(look, grid + np.asarray(centre_m, dtype=np.float64), crease_deg=40.0)
 
 
-def ellipsoid(
-    look: Look, centre_m: ArrayLike, radii_m: ArrayLike, ring_count: int = 6, sides: int = 8
-) -> Mesh:
+def ellipsoid(look: Look, centre_m: ArrayLike, radii_m: ArrayLike, ring_count: int, sides: int) -> Mesh:
     """Ellipsoid with axes along x, y, z."""
     latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ring_count + 1)
     x, y = circle(sides).T
@@ -186,15 +179,15 @@ def ellipsoid(
     return rings(look, shaped, caps=False, crease_deg=80.0)
 
 
-def extrude(look: Look, outline_m: ArrayLike, height_m: float, crease_deg: float = 20.0) -> Mesh:
+def extrude(look: Look, outline_m: ArrayLike, height_m: float) -> Mesh:
     """Upright prism on a convex outline in the ground plane, anticlockwise, shape (N, 2)."""
     outline = np.asarray(outline_m, dtype=np.float64)
     low = np.concatenate([outline, np.zeros((len(outline), 1))], axis=-1)
     high = low + np.array([0.0, 0.0, height_m])
-    return rings(look, np.stack([low, high]), crease_deg=crease_deg)
+    return rings(look, np.stack([low, high]), crease_deg=20.0)
 
 
-def disc(look: Look, radius_m: float, sides: int = 16, x_m: float = 0.0) -> Mesh:
+def disc(look: Look, radius_m: float, sides: int, x_m: float) -> Mesh:
     """Round plate at x = `x_m` that faces along +x."""
     ring = np.insert(radius_m * circle(sides), 0, x_m, axis=1)
     vertices = np.concatenate([ring, [[x_m, 0.0, 0.0]]])
@@ -234,12 +227,7 @@ def placed(
 
 def pose(position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_rad: float = 0.0, pitch_rad: float = 0.0) -> Array:
     """Transform (4, 4): pitched (nose up positive), turned, then shifted [m]."""
-    c, s, cp, sp = (
-        elementary.cos(yaw_rad),
-        elementary.sin(yaw_rad),
-        elementary.cos(pitch_rad),
-        elementary.sin(pitch_rad),
-    )
+    c, s, cp, sp = (f(angle) for angle in (yaw_rad, pitch_rad) for f in (elementary.cos, elementary.sin))
     T = np.eye(4)
     T[:3, :3] = [(c * cp, -s, -c * sp), (s * cp, c, -s * sp), (sp, 0.0, cp)]
     T[:3, 3] = position_m

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, box, placed, quad, tube
-from carlaloc_env.assets.street.traffic_signs import board
+from carlaloc_env.assets.street.traffic_signs import SIGN_BACK, board
 from carlaloc_env.assets.texture_atlas import cell_corners, street_name_uv
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -25,9 +25,8 @@ CLEAR_M = 5.7
 """Free height under what hangs over a road [m]."""
 MARKER_M = (0.75, 1.5)
 """Width and height of a countdown marker [m]."""
-_STEEL = Look(Material.METAL_GALVANISED, Tag.POLE, (195, 198, 200))
-_BACK = Look(Material.METAL_GALVANISED, Tag.TRAFFIC_SIGN, (200, 200, 200))
-_WHITE = Look(Material.SIGN, Tag.TRAFFIC_SIGN, (235, 235, 232))
+_MAST_STEEL = Look(Material.METAL_GALVANISED, Tag.POLE, (195, 198, 200))
+_RIM_WHITE = Look(Material.SIGN, Tag.TRAFFIC_SIGN, (235, 235, 232))
 _GREEN = Look(Material.METAL_PAINTED, Tag.TRAFFIC_SIGN, (2, 46, 22))
 _BLUE = Look(Material.METAL_PAINTED, Tag.TRAFFIC_SIGN, (4, 28, 92))
 _PAINT = Look(Material.METAL_PAINTED, Tag.TRAFFIC_SIGN, (225, 225, 222))
@@ -38,13 +37,13 @@ def direction_board(*names: int, width_m: float = BOARD_M[0]) -> Mesh:
 
     Args:
         names: Rows of `STREET_NAMES`, from the top down.
-        width_m: Width [m]; each name takes half of `BOARD_M`'s height, as its width asks.
+        width_m: Width [m]; rows keep the proportions of half a `BOARD_M`.
     """
     row = BOARD_M[1] / 2 * width_m / BOARD_M[0]
     height = row * len(names)
     parts = [
-        box(_BACK, (0.06, width_m, height), (-0.002, 0.0, 0.0)),
-        quad(_WHITE, _face(width_m, height, 0.029)),
+        box(SIGN_BACK, (0.06, width_m, height), (-0.002, 0.0, 0.0)),
+        quad(_RIM_WHITE, _face(width_m, height, 0.029)),
         quad(_GREEN, _face(width_m - 0.12, height - 0.12, 0.032)),
     ]
     for k, index in enumerate(names):
@@ -59,17 +58,11 @@ def verge_sign(*names: int, width_m: float = BOARD_M[0]) -> Mesh:
     top = VERGE_BOTTOM_M + float(np.ptp(face.vertices_m[:, 2]))
     middle = (0.0, 0.0, 0.5 * (VERGE_BOTTOM_M + top))
     posts = [
-        tube(_STEEL, [(-0.13, y, -0.4), (-0.13, y, top - 0.1)], 0.07, 8)
+        tube(_MAST_STEEL, [(-0.13, y, -0.4), (-0.13, y, top - 0.1)], 0.07, 8)
         for y in (-0.32 * width_m, 0.32 * width_m)
     ]
-    rails = [
-        box(
-            _STEEL,
-            (0.05, 0.94 * width_m, 0.08),
-            (-0.055, 0.0, VERGE_BOTTOM_M + share * (top - VERGE_BOTTOM_M)),
-        )
-        for share in (0.2, 0.8)
-    ]
+    heights = (VERGE_BOTTOM_M + share * (top - VERGE_BOTTOM_M) for share in (0.2, 0.8))
+    rails = [box(_MAST_STEEL, (0.05, 0.94 * width_m, 0.08), (-0.055, 0.0, z)) for z in heights]
     return merge([placed(face, middle), *posts, *rails])
 
 
@@ -85,17 +78,16 @@ def cantilever(reach_m: float, first: int, second: int, third: int, low_m: float
     """
     z = low_m + CLEAR_M
     parts = [
-        tube(_STEEL, [(-0.25, 0.0, -0.4), (-0.25, 0.0, z + 1.9)], [0.3, 0.22], 12),
-        box(_STEEL, (0.8, 0.8, 0.16), (-0.25, 0.0, 0.08)),
+        tube(_MAST_STEEL, [(-0.25, 0.0, -0.4), (-0.25, 0.0, z + 1.9)], [0.3, 0.22], 12),
+        box(_MAST_STEEL, (0.8, 0.8, 0.16), (-0.25, 0.0, 0.08)),
     ]
     for dz in (0.4, 1.6):
-        parts.append(box(_STEEL, (0.18, abs(reach_m), 0.18), (-0.25, -0.5 * reach_m, z + dz)))
+        parts.append(box(_MAST_STEEL, (0.18, abs(reach_m), 0.18), (-0.25, -0.5 * reach_m, z + dz)))
     bay = math.copysign(1.3, reach_m)
     for k in range(int(abs(reach_m) / 1.3)):
         ends = (z + 0.4, z + 1.6) if k % 2 else (z + 1.6, z + 0.4)
-        parts.append(
-            tube(_STEEL, [(-0.25, -bay * k, ends[0]), (-0.25, -bay * (k + 1), ends[1])], 0.05, 5, caps=False)
-        )
+        line = [(-0.25, -bay * k, ends[0]), (-0.25, -bay * (k + 1), ends[1])]
+        parts.append(tube(_MAST_STEEL, line, 0.05, 5, caps=False))
     near, far = 0.32 * reach_m, 0.78 * reach_m
     width = min(BOARD_M[0], 0.44 * abs(reach_m))
     for names, y in (((second, third), near), ((first,), far)):
@@ -108,10 +100,10 @@ def countdown_marker(stripes: int) -> Mesh:
     width, height = MARKER_M
     middle = 0.9 + 0.5 * height
     parts = [
-        box(_BACK, (0.03, width, height), (0.0, 0.0, middle)),
+        box(SIGN_BACK, (0.03, width, height), (0.0, 0.0, middle)),
         quad(_PAINT, _face(width, height, 0.0165) + np.array([0.0, 0.0, middle])),
         quad(_BLUE, _face(width - 0.06, height - 0.06, 0.0175) + np.array([0.0, 0.0, middle])),
-        tube(_STEEL, [(-0.06, 0.0, -0.3), (-0.06, 0.0, 0.9 + height)], 0.04, 8),
+        tube(_MAST_STEEL, [(-0.06, 0.0, -0.3), (-0.06, 0.0, 0.9 + height)], 0.04, 8),
     ]
     half = 0.5 * width - 0.03
     for k in range(stripes):

@@ -22,24 +22,14 @@ def utility_pole(height_m: float = 10.5) -> Mesh:
         tube(wood, [(0, 0, 0), (0, 0, height_m)], [0.15, 0.10], 10),
         box(wood, (0.12, 2.2, 0.14), (0.12, 0, arm_z)),
     ]
-    parts += [
-        tube(
-            Look(Material.PLASTIC, Tag.POLE, (70, 40, 24)),
-            [(0.12, y, arm_z + 0.07), (0.12, y, arm_z + 0.22)],
-            [0.05, 0.03],
-            6,
-        )
-        for y in (-1.0, -0.4, 0.4, 1.0)
-    ]
-    parts.append(
-        lathe(
-            Look(Material.METAL_PAINTED, Tag.POLE, (120, 124, 124)),
-            [(0.22, 0), (0.22, 0.75), (0.16, 0.82)],
-            10,
-            (0.36, 0, height_m - 2.4),
-        )
+    for y in (-1.0, -0.4, 0.4, 1.0):
+        foot, head = (0.12, y, arm_z + 0.07), (0.12, y, arm_z + 0.22)
+        parts.append(tube(Look(Material.PLASTIC, Tag.POLE, (70, 40, 24)), [foot, head], [0.05, 0.03], 6))
+    grey, profile = (
+        Look(Material.METAL_PAINTED, Tag.POLE, (120, 124, 124)),
+        [(0.22, 0), (0.22, 0.75), (0.16, 0.82)],
     )
-    return merge(parts)
+    return merge([*parts, lathe(grey, profile, 10, (0.36, 0, height_m - 2.4))])
 
 
 def utility_wires_m(height_m: float = 10.5) -> NDArray[np.float64]:
@@ -54,10 +44,8 @@ def fence(length_m: float, height_m: float, *, kind: str) -> Mesh:
         parts = [box(look, (length_m, 0.04, 0.04), (0.5 * length_m, 0, z)) for z in (0.12, height_m - 0.12)]
         xs = np.arange(0.06, length_m, 0.13)
         parts += [box(look, (0.022, 0.022, height_m - 0.06), (x, 0, 0.5 * height_m + 0.03)) for x in xs]
-        parts += [
-            box(look, (0.07, 0.07, height_m + 0.08), (x, 0, 0.5 * height_m + 0.04)) for x in (0.0, length_m)
-        ]
-        return merge(parts)
+        post = (0.07, 0.07, height_m + 0.08)
+        return merge([*parts, *(box(look, post, (x, 0, 0.5 * height_m + 0.04)) for x in (0.0, length_m))])
     wood = Look(Material.WOOD, Tag.FENCE)
     posts = [
         box(wood, (0.10, 0.10, height_m + 0.05), (x, 0, 0.5 * height_m)) for x in np.linspace(0, length_m, 3)
@@ -67,22 +55,17 @@ def fence(length_m: float, height_m: float, *, kind: str) -> Mesh:
         rails = [box(wood, size, (0.5 * length_m, 0.06, z * height_m)) for z in (0.3, 0.6, 0.9)]
         return merge([*posts, *rails])
     count = max(int(length_m / 0.16), 1)
-    boards = [
-        box(
-            wood,
-            (0.145, 0.02, height_m - 0.05 - 0.01 * (k % 3)),
-            (0.08 + k * length_m / count, 0.06, 0.5 * height_m + 0.03),
-        )
-        for k in range(count)
-    ]
-    return merge([*posts, *boards])
+    for k in range(count):
+        size = (0.145, 0.02, height_m - 0.05 - 0.01 * (k % 3))
+        posts.append(box(wood, size, (0.08 + k * length_m / count, 0.06, 0.5 * height_m + 0.03)))
+    return merge(posts)
 
 
 def delineator() -> Mesh:
     """White roadside post with a reflector, 1 m high."""
-    post = extrude(
-        Look(Material.PLASTIC, Tag.POLE, (230, 230, 225)), [(-0.06, -0.06), (0.06, 0.0), (-0.06, 0.06)], 1.0
+    white, reflector = (
+        Look(Material.PLASTIC, Tag.POLE, (230, 230, 225)),
+        Look(Material.SIGN, Tag.POLE, (230, 120, 20)),
     )
-    return merge(
-        [post, box(Look(Material.SIGN, Tag.POLE, (230, 120, 20)), (0.125, 0.05, 0.18), (-0.002, 0.0, 0.78))]
-    )
+    post = extrude(white, [(-0.06, -0.06), (0.06, 0.0), (-0.06, 0.06)], 1.0)
+    return merge([post, box(reflector, (0.125, 0.05, 0.18), (-0.002, 0.0, 0.78))])

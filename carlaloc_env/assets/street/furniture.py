@@ -49,10 +49,8 @@ def lamp(height_m: float = 9.0, arm_m: float = 2.0, *, colour: Colour = (150, 15
 def bench() -> Mesh:
     """Bench of 1.6 m with a back rest."""
     parts = [box(_WOOD, (0.10, 1.6, 0.04), (x, 0, 0.45)) for x in (-0.14, -0.02, 0.10, 0.22)]
-    parts += [
-        placed(box(_WOOD, (0.035, 1.6, 0.10)), (-0.24 - 0.02 * k, 0, 0.60 + 0.14 * k), 0, 0.15)
-        for k in range(3)
-    ]
+    slat = box(_WOOD, (0.035, 1.6, 0.10))
+    parts += [placed(slat, (-0.24 - 0.02 * k, 0, 0.60 + 0.14 * k), 0, 0.15) for k in range(3)]
     for y in (-0.65, 0.65):
         parts += [
             box(_DARK, (0.05, 0.05, 0.43), (0.18, y, 0.215)),
@@ -64,15 +62,12 @@ def bench() -> Mesh:
     return merge(parts)
 
 
-def bin_(*, colour: Colour = (14, 40, 20)) -> Mesh:
+def bin_() -> Mesh:
     """Litter bin, 1 m high."""
-    paint = Look(Material.METAL_PAINTED, _STATIC, colour)
+    paint = Look(Material.METAL_PAINTED, _STATIC, (14, 40, 20))
+    slat = box(paint, (0.02, 0.07, 0.72))
     slats = [
-        placed(
-            box(paint, (0.02, 0.07, 0.72)),
-            (0.225 * elementary.cos(a), 0.225 * elementary.sin(a), 0.45),
-            float(a),
-        )
+        placed(slat, (0.225 * elementary.cos(a), 0.225 * elementary.sin(a), 0.45), a)
         for a in 2 * np.pi * np.arange(14) / 14
     ]
     body = lathe(_DARK, [(0.20, 0.0), (0.20, 0.84), (0.17, 0.84)], 14)
@@ -80,9 +75,9 @@ def bin_(*, colour: Colour = (14, 40, 20)) -> Mesh:
     return merge([body, *slats, lid])
 
 
-def hydrant(*, colour: Colour = (150, 12, 8)) -> Mesh:
+def hydrant() -> Mesh:
     """Fire hydrant, 0.75 m high."""
-    paint = Look(Material.METAL_PAINTED, _STATIC, colour)
+    paint = Look(Material.METAL_PAINTED, _STATIC, (150, 12, 8))
     profile = [
         (0.16, 0), (0.16, 0.04), (0.10, 0.05), (0.10, 0.48), (0.14, 0.50), (0.14, 0.54), (0.12, 0.58),
         (0.08, 0.68), (0.03, 0.72), (0.025, 0.75),
@@ -94,9 +89,9 @@ def hydrant(*, colour: Colour = (150, 12, 8)) -> Mesh:
     return merge(parts)
 
 
-def bollard(*, height_m: float = 0.95) -> Mesh:
-    """Bollard with a white band."""
-    h = height_m
+def bollard() -> Mesh:
+    """Bollard with a white band, 0.95 m high."""
+    h = 0.95
     dark = lathe(_DARK, [(0.075, 0), (0.06, 0.08), (0.06, h - 0.1), (0.07, h - 0.08), (0.05, h)], 10)
     band = lathe(Look(Material.SIGN, _STATIC, (230, 230, 230)), [(0.063, h - 0.3), (0.063, h - 0.2)], 10)
     return merge([dark, band])
@@ -138,11 +133,8 @@ def banner(poster: int = PosterCell.FESTIVAL) -> Mesh:
 def advertising_column(first_poster: int = 0) -> Mesh:
     """Round column with posters, Ø 1.3 m, 3.4 m high."""
     base = lathe(Look(Material.CONCRETE, _STATIC), [(0.70, 0), (0.70, 0.35), (0.64, 0.40)], 16)
-    roof = lathe(
-        Look(Material.METAL_PAINTED, _STATIC, (12, 34, 24)),
-        [(0.64, 3.0), (0.78, 3.02), (0.78, 3.12), (0.5, 3.28), (0.1, 3.42)],
-        16,
-    )
+    green = Look(Material.METAL_PAINTED, _STATIC, (12, 34, 24))
+    roof = lathe(green, [(0.64, 3.0), (0.78, 3.02), (0.78, 3.12), (0.5, 3.28), (0.1, 3.42)], 16)
     sides, parts = 16, [base, roof]
     for k in range(4):
         angle = 2 * np.pi * (k * sides // 4 + np.arange(sides // 4 + 1)) / sides
@@ -154,9 +146,9 @@ def advertising_column(first_poster: int = 0) -> Mesh:
     return merge(parts)
 
 
-def newspaper_box(*, colour: Colour = (150, 14, 10)) -> Mesh:
+def newspaper_box() -> Mesh:
     """Newspaper vending box, 1.15 m high."""
-    paint = Look(Material.METAL_PAINTED, _STATIC, colour)
+    paint = Look(Material.METAL_PAINTED, _STATIC, (150, 14, 10))
     parts = [
         box(paint, (0.42, 0.50, 0.65), (0, 0, 0.82)), box(_DARK, (0.30, 0.06, 0.5), (0, 0, 0.25)),
         box(_DARK, (0.40, 0.46, 0.04), (0, 0, 0.02)),
@@ -170,41 +162,27 @@ def post_box() -> Mesh:
     """Letter box on legs, 1.25 m high, rounded above."""
     blue = Look(Material.METAL_PAINTED, _STATIC, (10, 30, 100))
     angle = np.linspace(0, np.pi, 9)
-    profile = np.concatenate(
-        [
-            [(-0.225, 0.18), (0.225, 0.18)],
-            np.stack([0.225 * elementary.cos(angle), 1.02 + 0.22 * elementary.sin(angle)], -1),
-        ]
-    )
-    grid = np.stack(
-        [np.stack([profile[:, 0], np.full(len(profile), y), profile[:, 1]], -1) for y in (0.25, -0.25)]
-    )
+    arc = np.stack([0.225 * elementary.cos(angle), 1.02 + 0.22 * elementary.sin(angle)], -1)
+    profile = np.concatenate([[(-0.225, 0.18), (0.225, 0.18)], arc])
+    body = rings(blue, np.stack([np.insert(profile, 1, y, axis=1) for y in (0.25, -0.25)]), crease_deg=30.0)
     legs = [box(blue, (0.05, 0.05, 0.2), (x, y, 0.1)) for x in (-0.18, 0.18) for y in (-0.2, 0.2)]
-    return merge(
-        [rings(blue, grid, crease_deg=30.0), *legs, box(_STEEL, (0.02, 0.34, 0.05), (0.225, 0, 0.98))]
-    )
+    return merge([body, *legs, box(_STEEL, (0.02, 0.34, 0.05), (0.225, 0, 0.98))])
 
 
 def cabinet() -> Mesh:
     """Switch cabinet 1.2 × 0.4 × 1.3 m, long side towards +x."""
     grey = Look(Material.METAL_PAINTED, _STATIC, (110, 116, 106))
+    base = box(Look(Material.CONCRETE, _STATIC), (0.46, 1.26, 0.12), (0, 0, 0.06))
+    body, lid = box(grey, (0.40, 1.20, 1.16), (0, 0, 0.70)), box(grey, (0.46, 1.28, 0.05), (0, 0, 1.29))
     seams = [box(_DARK, (0.01, 0.012, 1.0), (0.2, y, 0.72)) for y in (-0.3, 0.0, 0.3)]
-    return merge(
-        [
-            box(Look(Material.CONCRETE, _STATIC), (0.46, 1.26, 0.12), (0, 0, 0.06)),
-            box(grey, (0.40, 1.20, 1.16), (0, 0, 0.70)),
-            box(grey, (0.46, 1.28, 0.05), (0, 0, 1.29)),
-            *seams,
-        ]
-    )
+    return merge([base, body, lid, *seams])
 
 
 def planter() -> Mesh:
     """Concrete planter with a shrub's worth of soil, 1.2 m square."""
     stone = Look(Material.CONCRETE, _STATIC)
-    walls = [box(stone, (1.2, 0.08, 0.5), (0, s * 0.56, 0.25)) for s in (1, -1)] + [
-        box(stone, (0.08, 1.04, 0.5), (s * 0.56, 0, 0.25)) for s in (1, -1)
-    ]
+    walls = [box(stone, (1.2, 0.08, 0.5), (0, y, 0.25)) for y in (0.56, -0.56)]
+    walls += [box(stone, (0.08, 1.04, 0.5), (x, 0, 0.25)) for x in (0.56, -0.56)]
     return merge([*walls, box(Look(Material.SOIL, _STATIC), (1.04, 1.04, 0.40), (0, 0, 0.20))])
 
 
@@ -220,13 +198,8 @@ def _picture(
     x, y, z = centre_m
     w, h = 0.5 * width_m, 0.5 * height_m
     corners = [(x, y - w, z - h), (x, y + w, z - h), (x, y + w, z + h), (x, y - w, z + h)]
-    return panel(
-        Look(Material.POSTER, _STATIC),
-        corners,
-        cell_corners(atlas_uv(Material.POSTER, poster)),
-        thickness_m,
-        back,
-    )
+    uv = cell_corners(atlas_uv(Material.POSTER, poster))
+    return panel(Look(Material.POSTER, _STATIC), corners, uv, thickness_m, back)
 
 
 def _poster_case(
@@ -240,14 +213,11 @@ def _poster_case(
     """Lit case with a poster on both faces."""
     x, y, z = foot_m
     middle = (x, y, z + 0.5 * height_m)
-    case = placed(box(_DARK, (depth_m, width_m + 0.16, height_m + 0.16)), middle, yaw_rad)
-    faces = []
+    parts = [placed(box(_DARK, (depth_m, width_m + 0.16, height_m + 0.16)), middle, yaw_rad)]
     for turn, cell in ((0.0, poster), (np.pi, poster + 3)):
-        faces += [
-            placed(m, middle, yaw_rad + turn)
-            for m in _picture(width_m, height_m, cell, (0.5 * depth_m + 0.006, 0, 0), 0.004, _DARK)
-        ]
-    return [case, *faces]
+        face = _picture(width_m, height_m, cell, (0.5 * depth_m + 0.006, 0, 0), 0.004, _DARK)
+        parts += [placed(m, middle, yaw_rad + turn) for m in face]
+    return parts
 
 
 def _strip(
@@ -260,8 +230,6 @@ def _strip(
 ) -> Mesh:
     """Upright band over a row of points in the ground plane, seen from the right of their order."""
     count = len(ring)
-    points = np.concatenate(
-        [np.concatenate([ring, np.full((count, 1), z)], axis=-1) for z in (low_m, high_m)]
-    )
+    points = np.concatenate([np.insert(ring, 2, z, axis=1) for z in (low_m, high_m)])
     uv = np.concatenate([np.stack([u, np.full(count, value)], axis=-1) for value in v])
     return surface(look, points, grid_triangles(2, count), uv, 50.0)

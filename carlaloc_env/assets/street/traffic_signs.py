@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.modelling.primitives import Look, box, placed, surface, tube
+from carlaloc_env.assets.modelling.primitives import Look, box, circle, placed, surface, tube
 from carlaloc_env.assets.street.fences_and_poles import POST
 from carlaloc_env.assets.texture_atlas import STREET_NAMES, SignCell, atlas_uv, cell_corners, street_name_uv
 from carlaloc_env.core import elementary
@@ -17,7 +17,8 @@ from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 _FACE = Look(Material.SIGN, Tag.TRAFFIC_SIGN)
-_BACK = Look(Material.METAL_GALVANISED, Tag.TRAFFIC_SIGN, (200, 200, 200))
+SIGN_BACK = Look(Material.METAL_GALVANISED, Tag.TRAFFIC_SIGN, (200, 200, 200))
+"""Backs and rims of signs."""
 
 SIGNS: dict[str, tuple[SignCell, str, float, float]] = {
     "stop": (SignCell.STOP, "octagon", 0.75, 0.75),
@@ -77,27 +78,24 @@ def board(outline: str, width_m: float, height_m: float, uv_corners: NDArray[np.
     rim = np.stack([np.zeros(count), flat[:, 0] * width_m, flat[:, 1] * height_m], axis=-1)
     k = np.arange(1, count - 1)
     fan = np.stack([np.zeros_like(k), k, k + 1], axis=-1)
-    front = surface(_FACE, rim + np.array([0.006, 0.0, 0.0]), fan, uv, 10.0)
-    back = surface(_BACK, rim - np.array([0.006, 0.0, 0.0]), fan[:, ::-1], rim[:, 1:], 10.0)
-    nxt = (np.arange(count) + 1) % count
+    half = np.array([0.006, 0.0, 0.0])
+    front = surface(_FACE, rim + half, fan, uv, 10.0)
+    back = surface(SIGN_BACK, rim - half, fan[:, ::-1], rim[:, 1:], 10.0)
     near, far = np.arange(count), np.arange(count) + count
-    edge = np.concatenate([np.stack([far, far[nxt], near[nxt]], -1), np.stack([far, near[nxt], near], -1)])
-    both = np.concatenate([rim + np.array([0.006, 0.0, 0.0]), rim - np.array([0.006, 0.0, 0.0])])
-    return merge([front, back, surface(_BACK, both, edge, both[:, 1:], 30.0)])
+    near_next, far_next = np.roll(near, -1), np.roll(far, -1)
+    edge = np.concatenate([np.stack([far, far_next, near_next], -1), np.stack([far, near_next, near], -1)])
+    both = np.concatenate([rim + half, rim - half])
+    return merge([front, back, surface(SIGN_BACK, both, edge, both[:, 1:], 30.0)])
 
 
 def _outline(name: str) -> NDArray[np.float64]:
     """Outline in (y, z), anticlockwise seen from +x, inside the square ±0.5."""
     if name == "octagon":
         angle = np.pi / 8 + np.pi / 4 * np.arange(8)
-        return np.asarray(
-            0.5
-            / elementary.cos(np.pi / 8)
-            * np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
-        )
+        corners = np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
+        return np.asarray(0.5 / elementary.cos(np.pi / 8) * corners)
     if name == "circle":
-        angle = 2 * np.pi * np.arange(20) / 20
-        return 0.5 * np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
+        return 0.5 * circle(20)
     shapes = {
         "triangle": [(0.0, -0.5), (0.5, 0.5), (-0.5, 0.5)],
         "diamond": [(0.0, -0.5), (0.5, 0.0), (0.0, 0.5), (-0.5, 0.0)],
@@ -109,7 +107,7 @@ def _outline(name: str) -> NDArray[np.float64]:
 def _street_name(text: str) -> Mesh:
     """Two name plates at right angles on a post."""
     first = STREET_NAMES.index(text) if text in STREET_NAMES else hashlib.blake2b(text.encode()).digest()[0]
-    parts = [tube(POST, [(0, 0, 0), (0, 0, 3.0)], 0.035, 8), box(_BACK, (0.05, 0.05, 0.04), (0, 0, 3.02))]
+    parts = [tube(POST, [(0, 0, 0), (0, 0, 3.0)], 0.035, 8), box(SIGN_BACK, (0.05, 0.05, 0.04), (0, 0, 3.02))]
     for step, turn in ((0, 0.0), (3, 0.5 * np.pi)):
         corners = cell_corners(street_name_uv(first + step))
         for flip in (0.0, np.pi):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe, placed
-from carlaloc_env.assets.vegetation.foliage import GREEN
+from carlaloc_env.assets.vegetation.foliage import leaf_colours, separate_leaves
 from carlaloc_env.assets.vegetation.shrubs import tufts
 from carlaloc_env.core import elementary
 from carlaloc_env.core.rng import stream
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Colour, Mesh, make_mesh, merge
+from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 
@@ -33,21 +33,12 @@ def maize(seed: int, tint: Colour) -> Mesh:
     tip = base + out * reach[:, None] + [0.0, 0.0, 0.02]
     upper = np.stack([bend - side, bend + side, tip], axis=1)
     lower = np.stack([base, bend + side, bend - side], axis=1)
-    stem = np.array(
-        [[(-0.03, 0, 0), (0.03, 0, 0), (0, 0, 2.15)], [(0, -0.03, 0), (0, 0.03, 0), (0, 0, 2.15)]]
-    )
+    stem = [[(-0.03, 0, 0), (0.03, 0, 0), (0, 0, 2.15)], [(0, -0.03, 0), (0, 0.03, 0), (0, 0, 2.15)]]
     corners = np.concatenate([lower, upper, stem])
-    light = rng.uniform(0.7, 1.0, (len(corners), 1))
-    colour = np.clip(np.array(tint) * GREEN * light, 0, 255).astype(np.uint8)
-    count = 3 * len(corners)
-    return make_mesh(
-        corners.reshape(-1, 3),
-        np.arange(count).reshape(-1, 3),
-        material=Material.LEAF,
-        tag=Tag.VEGETATION,
-        uv_m=rng.uniform(0, 1, (count, 2)),
-        normals=np.tile([0.0, 0.0, 1.0], (count, 1)),
-        colour=np.repeat(colour, 3, axis=0),
+    count = len(corners)
+    colour = leaf_colours(tint, rng.uniform(0.7, 1.0, (count, 1)))
+    return separate_leaves(
+        corners, rng.uniform(0, 1, (3 * count, 2)), colour, np.tile([0.0, 0.0, 1.0], (count, 1))
     )
 
 
@@ -57,31 +48,23 @@ def bale() -> Mesh:
     body = lathe(straw, [(0.70, -0.6), (0.75, -0.5), (0.75, 0.5), (0.70, 0.6)], 14)
     turned = body.vertices_m[:, [0, 2, 1]].astype(np.float64) * np.array([1.0, -1.0, 1.0]) + [0.0, 0.0, 0.72]
     normals = body.normals[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0], np.float32)
-    return make_mesh(
-        turned,
-        body.triangles,
-        material=Material.CROP,
-        tag=Tag.DYNAMIC,
-        uv_m=body.uv_m,
-        normals=normals,
-        colour=body.colour,
-    )
+    return straw.mesh(turned, body.triangles, body.uv_m, normals)
 
 
-def fence_panel(length_m: float = 3.0) -> Mesh:
-    """Post and two rails along +x from the origin, 1.15 m high."""
+def fence_panel() -> Mesh:
+    """Post and two rails of 3 m along +x from the origin, 1.15 m high."""
     wood = Look(Material.WOOD, Tag.FENCE, (225, 220, 210))
     parts = [box(wood, (0.12, 0.12, 1.3), (0.0, 0.0, 0.55))]
     for z in (0.45, 0.95):
-        parts.append(box(wood, (length_m, 0.05, 0.11), (0.5 * length_m, 0.07, z)))
+        parts.append(box(wood, (3.0, 0.05, 0.11), (1.5, 0.07, z)))
     return merge(parts)
 
 
-def picket_panel(length_m: float = 2.0) -> Mesh:
+def picket_panel(length_m: float) -> Mesh:
     """White pickets along +x from the origin, 0.95 m high."""
     paint = Look(Material.SIDING, Tag.FENCE, (255, 255, 250))
     parts = [box(paint, (length_m, 0.03, 0.07), (0.5 * length_m, -0.025, z)) for z in (0.25, 0.7)]
     parts.append(box(paint, (0.10, 0.10, 1.05), (0.0, -0.03, 0.5)))
     for x in np.arange(0.14, length_m - 0.05, 0.16):
-        parts.append(placed(box(paint, (0.085, 0.02, 0.86)), (float(x), 0.0, 0.5)))
+        parts.append(placed(box(paint, (0.085, 0.02, 0.86)), (x, 0.0, 0.5)))
     return merge(parts)

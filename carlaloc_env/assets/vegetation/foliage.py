@@ -1,9 +1,11 @@
-"""What crowns are made of: leaf triangles, and clumps that stand for many leaves close together."""
+"""Foliage of crowns: leaf triangles, and clumps that stand for many leaves close together."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from carlaloc_env.assets.modelling.primitives import circle
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geometry.transforms import cross
@@ -14,7 +16,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 LeafTint = tuple[int, int, int]
 """LeafTint relative to a green leaf; parts of yellow and red leaves may exceed 255."""
 GREEN = np.array([0.65, 0.82, 0.84])
-"""What a green leaf keeps of the texture's colour, which leaves room for leaves that are not green."""
+"""Share of the texture's colour that a green leaf keeps; leaves of other colours may exceed it."""
 
 _GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 _CORNERS = np.array(
@@ -46,6 +48,41 @@ def directions(rng: np.random.Generator, count: int) -> Array:
     return np.asarray(vector / np.sqrt(np.sum(vector * vector, axis=-1, keepdims=True)))
 
 
+def unit(vectors: Array) -> Array:
+    """Vectors of length one, same shape; zero where they are."""
+    return np.asarray(vectors / np.maximum(np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True)), 1e-9))
+
+
+def leaf_colours(tint: LeafTint, light: Array) -> NDArray[np.uint8]:
+    """Colours of leaves by the light on each, shape (N, 1) or (N, 3)."""
+    return np.asarray(np.clip(np.array(tint) * GREEN * light, 0, 255), dtype=np.uint8)
+
+
+def leaf_mesh(
+    vertices_m: Array,
+    triangles: NDArray[np.integer],
+    uv_m: Array,
+    colour: NDArray[np.uint8],
+    normals: Array | None = None,
+) -> Mesh:
+    """Mesh of leaves; arguments as of `make_mesh`, their leading axes in any shape."""
+    return make_mesh(
+        vertices_m.reshape(-1, 3),
+        triangles,
+        material=Material.LEAF,
+        tag=Tag.VEGETATION,
+        uv_m=uv_m.reshape(-1, 2),
+        normals=None if normals is None else normals.reshape(-1, 3),
+        colour=colour.reshape(-1, 3),
+    )
+
+
+def separate_leaves(corners_m: Array, uv_m: Array, colour: NDArray[np.uint8], normals: Array) -> Mesh:
+    """Triangles of three corners each (N, 3, 3) [m], with uv (3·N, 2), and a colour and a normal (N, 3)."""
+    triangles = np.arange(3 * len(corners_m)).reshape(-1, 3)
+    return leaf_mesh(corners_m, triangles, uv_m, np.repeat(colour, 3, axis=0), np.repeat(normals, 3, axis=0))
+
+
 def leaf_triangles(
     rng: np.random.Generator,
     points: Array,
@@ -65,30 +102,18 @@ def leaf_triangles(
         shade: Factor on the tint, a number or shape (N,).
     """
     count = len(points)
-    normal = 0.7 * out + 0.9 * directions(rng, count)
-    normal = _unit(normal)
-    across = _unit(cross(normal, directions(rng, count)))
+    normal = unit(0.7 * out + 0.9 * directions(rng, count))
+    across = unit(cross(normal, directions(rng, count)))
     other = cross(normal, across)
-    angle = 2 * np.pi * np.arange(3) / 3
-    corner = LONG * elementary.cos(angle)[None, :, None] * across[:, None]
-    corner = corner + elementary.sin(angle)[None, :, None] * other[:, None] / LONG
+    cos, sin = circle(3).T
+    corner = LONG * cos[None, :, None] * across[:, None]
+    corner = corner + sin[None, :, None] * other[:, None] / LONG
     vertices = points[:, None] + 0.577 * size[:, None, None] * corner
-    bent = _unit(0.5 * normal + 0.5 * out)
+    bent = unit(0.5 * normal + 0.5 * out)
     light = rng.uniform(0.72, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.06, (count, 3)), 0.8, 1.2)
     light = light * np.broadcast_to(shade, (count,))[:, None]
-    colour = np.clip(np.array(tint) * GREEN * light, 0, 255).astype(np.uint8)
-    uv = rng.uniform(0, 1, (count, 1, 2)) + 0.5 * size[:, None, None] * np.stack(
-        [elementary.cos(angle), elementary.sin(angle)], -1
-    )
-    return make_mesh(
-        vertices.reshape(-1, 3),
-        np.arange(3 * count).reshape(-1, 3),
-        material=Material.LEAF,
-        tag=Tag.VEGETATION,
-        uv_m=uv.reshape(-1, 2),
-        normals=np.repeat(bent, 3, axis=0),
-        colour=np.repeat(colour, 3, axis=0),
-    )
+    uv = rng.uniform(0, 1, (count, 1, 2)) + 0.5 * size[:, None, None] * np.stack([cos, sin], -1)
+    return separate_leaves(vertices, uv, leaf_colours(tint, light), bent)
 
 
 def clumps(
@@ -98,7 +123,7 @@ def clumps(
     middle: Array,
     tint: LeafTint,
     *,
-    squash: float = 0.8,
+    squash: float,
     ragged: float = 0.28,
 ) -> Mesh:
     """Uneven bodies of leaves, dark towards the middle of the crown and below.
@@ -117,14 +142,13 @@ def clumps(
     turned = _turned(rng, count)
     local = turned * bump * radii[:, None, None] * np.array([1.0, 1.0, squash])
     vertices = centres[:, None] + local
-    away = _unit(vertices - middle)
-    normals = _unit(0.55 * _unit(local) + 0.45 * away)
-    span = float(np.max(np.sqrt(np.sum((centres - middle) ** 2, axis=-1)))) + 1e-6
+    away = unit(vertices - middle)
+    normals = unit(0.55 * unit(local) + 0.45 * away)
+    reach = np.sqrt(np.sum((centres - middle) ** 2, axis=-1))
+    span = float(np.max(reach)) + 1e-6
     height = (centres[:, 2] - middle[2]) / span
-    depth = np.sqrt(np.sum((centres - middle) ** 2, axis=-1)) / span
-    shade = np.clip(0.62 + 0.22 * depth + 0.20 * height, 0.4, 1.0)[:, None] * rng.uniform(
-        0.8, 1.0, (count, 12)
-    )
+    shade = np.clip(0.62 + 0.22 * (reach / span) + 0.20 * height, 0.4, 1.0)[:, None]
+    shade = shade * rng.uniform(0.8, 1.0, (count, 12))
     hue = np.clip(rng.normal(1.0, 0.05, (count, 1, 3)), 0.85, 1.15)
     colour = np.clip(np.array(tint) * GREEN * shade[..., None] * hue, 0, 255).astype(np.uint8)
     # The octahedral map of the sphere, unfolded to about true scale.
@@ -133,15 +157,7 @@ def clumps(
     uv = uv + 0.9 * radii[:, None, None] * np.stack([turned[..., 2], -turned[..., 2]], -1)
     uv = uv + rng.uniform(0, 1, (count, 1, 2))
     triangles = (np.arange(count)[:, None, None] * 12 + _FACES[None]).reshape(-1, 3)
-    return make_mesh(
-        vertices.reshape(-1, 3),
-        triangles,
-        material=Material.LEAF,
-        tag=Tag.VEGETATION,
-        uv_m=uv.reshape(-1, 2),
-        normals=normals.reshape(-1, 3),
-        colour=colour.reshape(-1, 3),
-    )
+    return leaf_mesh(vertices, triangles, uv, colour, normals)
 
 
 def _turned(rng: np.random.Generator, count: int) -> Array:
@@ -150,7 +166,3 @@ def _turned(rng: np.random.Generator, count: int) -> Array:
     c, s = elementary.cos(angle)[:, None], elementary.sin(angle)[:, None]
     x, y, z = _CORNERS.T
     return np.stack([c * x - s * y, s * x + c * y, np.broadcast_to(z, (count, 12))], axis=-1)
-
-
-def _unit(v: Array) -> Array:
-    return np.asarray(v / np.maximum(np.sqrt(np.sum(v * v, axis=-1, keepdims=True)), 1e-9))

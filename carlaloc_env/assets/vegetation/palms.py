@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, tube
-from carlaloc_env.assets.vegetation.foliage import GREEN
+from carlaloc_env.assets.vegetation.foliage import leaf_colours, leaf_mesh
 from carlaloc_env.assets.vegetation.tree_species import TreeForm
 from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
+from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 
@@ -37,24 +37,17 @@ def palm(
     along = reach[:, None] * s
     z = top + reach[:, None] * (rise[:, None] * s - (0.75 + 0.35 * rise[:, None]) * s**2)
     half = 0.5 * width * elementary.sin(np.pi * np.clip(0.12 + 0.88 * s, 0, 1)) + 0.02
-    c, sn = elementary.cos(yaw)[:, None], elementary.sin(yaw)[:, None]
-    grids = []
+    cos_yaw, sin_yaw = elementary.cos(yaw)[:, None], elementary.sin(yaw)[:, None]
+    edges = []
     for side in (-1.0, 0.0, 1.0):
-        x = axis[-1, 0] + c * along - sn * side * half
-        y = axis[-1, 1] + sn * along + c * side * half
-        grids.append(np.stack([x, y, z - abs(side) * 0.45 * half], axis=-1))
-    points = np.stack(grids, axis=1)
-    count, n = fronds, len(s)
-    index = np.arange(count * 3 * n).reshape(count, 3, n)
-    a, b, d, e = index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, 1:], index[:, 1:, :-1]
-    triangles = np.stack([np.stack([a, b, d], -1), np.stack([a, d, e], -1)], -2).reshape(-1, 3)
-    colour = np.clip(np.array(form.tint) * GREEN * (0.7 + 0.3 * share)[:, None], 0, 255).astype(np.uint8)
-    leaves = make_mesh(
-        points.reshape(-1, 3),
-        triangles,
-        material=Material.LEAF,
-        tag=Tag.VEGETATION,
-        uv_m=points.reshape(-1, 3)[:, :2],
-        colour=np.repeat(colour, 3 * n, axis=0),
-    )
-    return merge([stem, leaves])
+        x = axis[-1, 0] + cos_yaw * along - sin_yaw * side * half
+        y = axis[-1, 1] + sin_yaw * along + cos_yaw * side * half
+        edges.append(np.stack([x, y, z - abs(side) * 0.45 * half], axis=-1))
+    points = np.stack(edges, axis=1)
+    index = np.arange(points[..., 0].size).reshape(points.shape[:3])
+    near_right, far_right = index[:, :-1, :-1], index[:, :-1, 1:]
+    near_left, far_left = index[:, 1:, :-1], index[:, 1:, 1:]
+    corners = [near_right, far_right, far_left, near_right, far_left, near_left]
+    triangles = np.stack(corners, axis=-1).reshape(-1, 3)
+    colour = np.repeat(leaf_colours(form.tint, (0.7 + 0.3 * share)[:, None]), index[0].size, axis=0)
+    return merge([stem, leaf_mesh(points, triangles, points[..., :2], colour)])

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.assets.modelling.primitives import Look, box, tube
-from carlaloc_env.assets.vegetation.foliage import GREEN, clumps, directions, leaf_triangles
+from carlaloc_env.assets.modelling.primitives import Look, box, circle, tube
+from carlaloc_env.assets.vegetation.foliage import (
+    LeafTint,
+    clumps,
+    directions,
+    leaf_colours,
+    leaf_triangles,
+    separate_leaves,
+)
 from carlaloc_env.core import elementary
 from carlaloc_env.core.rng import stream
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
+from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 
@@ -19,20 +26,16 @@ def hedge(
     """Clipped hedge along +x from the origin."""
     rng = stream(seed, "hedge")
     core = Look(Material.LEAF, Tag.VEGETATION, (86, 122, 99))
-    inner = box(
-        core,
-        (length_m - 0.04, width_m - 0.10, height_m - 0.06),
-        (0.5 * length_m, 0.0, 0.5 * (height_m - 0.06)),
-    )
+    low_m = height_m - 0.06
+    inner = box(core, (length_m - 0.04, width_m - 0.10, low_m), (0.5 * length_m, 0.0, 0.5 * low_m))
     size = 0.13 if detail == "high" else 0.24
     area = (1.0 if detail == "high" else 0.7) * (2 * length_m * height_m + length_m * width_m)
     count = int(area / (0.43 * size**2))
     side = rng.uniform(0, 1, count)
     share = 2 * height_m / (2 * height_m + width_m)
     on_side = side < share
-    y = np.where(on_side, np.where(side < 0.5 * share, -0.5, 0.5), rng.uniform(-0.5, 0.5, count)) * (
-        width_m - 0.06
-    )
+    y = np.where(on_side, np.where(side < 0.5 * share, -0.5, 0.5), rng.uniform(-0.5, 0.5, count))
+    y = y * (width_m - 0.06)
     z = np.where(on_side, rng.uniform(0.06, 1, count), 1.0) * (height_m - 0.05)
     x = rng.uniform(0.0, length_m, count)
     points = np.stack([x, y, z], -1) + rng.normal(0, 0.02, (count, 3))
@@ -40,7 +43,7 @@ def hedge(
     return merge([inner, leaf_triangles(rng, points, out, np.full(count, size), (200, 215, 180))])
 
 
-def shrub(seed: int = 0, detail: str = "high", tint: tuple[int, int, int] = (215, 225, 190)) -> Mesh:
+def shrub(seed: int = 0, detail: str = "high", tint: LeafTint = (215, 225, 190)) -> Mesh:
     """Round shrub of about 1.2 m."""
     rng = stream(seed, "shrub")
     radius, height = rng.uniform(0.5, 0.75), rng.uniform(0.9, 1.4)
@@ -58,16 +61,11 @@ def shrub(seed: int = 0, detail: str = "high", tint: tuple[int, int, int] = (215
     out[:, 2] = np.abs(out[:, 2])
     points = out * np.array([radius, radius, 0.62 * height]) * rng.uniform(0.85, 1.15, (count, 1))
     leaves = leaf_triangles(rng, points + middle, out, np.full(count, edge), tint)
-    stems = [
-        tube(
-            Look(Material.BARK, Tag.VEGETATION),
-            [(0, 0, 0), (0.4 * radius * elementary.cos(a), 0.4 * radius * elementary.sin(a), 0.6 * height)],
-            [0.03, 0.01],
-            4,
-        )
-        for a in 2 * np.pi * np.arange(5) / 5
-    ]
-    return merge([*(stems if high else ()), body, leaves])
+    if not high:
+        return merge([body, leaves])
+    bark = Look(Material.BARK, Tag.VEGETATION)
+    ends = np.insert(0.4 * radius * circle(5), 2, 0.6 * height, axis=1)
+    return merge([*(tube(bark, [(0, 0, 0), end], [0.03, 0.01], 4) for end in ends), body, leaves])
 
 
 def tufts(
@@ -75,7 +73,7 @@ def tufts(
     count: int,
     radius_m: float,
     height_m: float,
-    tint: tuple[int, int, int],
+    tint: LeafTint,
     *,
     blade_m: float = 0.04,
     spread: float = 0.35,
@@ -83,9 +81,8 @@ def tufts(
     """Long grass or weeds: blades of one triangle each in a round patch, normals up like the ground's."""
     rng = stream(seed, "tufts")
     turn, reach = rng.uniform(0, 2 * np.pi, count), radius_m * np.sqrt(rng.uniform(0, 1, count))
-    foot = np.stack(
-        [reach * elementary.cos(turn), reach * elementary.sin(turn), np.full(count, -0.05)], axis=-1
-    )
+    x, y = reach * elementary.cos(turn), reach * elementary.sin(turn)
+    foot = np.stack([x, y, np.full(count, -0.05)], axis=-1)
     yaw = rng.uniform(0, 2 * np.pi, count)
     side = 0.5 * blade_m * np.stack([elementary.cos(yaw), elementary.sin(yaw), np.zeros(count)], axis=-1)
     high = height_m * rng.uniform(0.55, 1.0, count)
@@ -95,13 +92,4 @@ def tufts(
     normals = np.stack([lean[:, 0] / high, lean[:, 1] / high, np.ones(count)], axis=-1)
     normals /= np.sqrt(np.sum(normals * normals, axis=-1, keepdims=True))
     light = rng.uniform(0.7, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.07, (count, 3)), 0.8, 1.2)
-    colour = np.clip(np.array(tint) * GREEN * light, 0, 255).astype(np.uint8)
-    return make_mesh(
-        vertices.reshape(-1, 3),
-        np.arange(3 * count).reshape(-1, 3),
-        material=Material.LEAF,
-        tag=Tag.VEGETATION,
-        uv_m=rng.uniform(0, 1, (3 * count, 2)),
-        normals=np.repeat(normals, 3, axis=0),
-        colour=np.repeat(colour, 3, axis=0),
-    )
+    return separate_leaves(vertices, rng.uniform(0, 1, (3 * count, 2)), leaf_colours(tint, light), normals)

@@ -15,16 +15,16 @@ from carlaloc_env.assets.vegetation.foliage import (
     clumps,
     directions,
     leaf_triangles,
+    unit,
 )
 from carlaloc_env.assets.vegetation.palms import palm
 from carlaloc_env.assets.vegetation.tree_species import DETAILS, FORMS, TreeForm
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.geometry.transforms import cross
 from carlaloc_env.core.rng import stream
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.mesh import Mesh, face_vectors, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 _CORE_FRACTION = {"high": 0.30, "low": 0.20, "far": 0.25}
@@ -54,7 +54,7 @@ def tree(kind: str = "plane", seed: int = 0, detail: str = "high") -> Mesh:
     height, crown, trunk, bare = (
         float(rng.uniform(*bounds)) for bounds in (form.height_m, form.crown_m, form.trunk_m, form.bare_m)
     )
-    if form.shape == "palm":
+    if form.palm:
         return palm(form, rng, height, crown, trunk, detail)
     wood, tips = _skeleton(form, rng, height, crown, trunk, bare, detail)
     middle = np.array([0.0, 0.0, bare + 0.45 * (height - bare)])
@@ -77,7 +77,7 @@ def _skeleton(
     high = detail == "high"
     lean = rng.normal(0, 0.015 * height, (4, 2))
     lean[0] = 0
-    top = height * (0.97 if form.shape == "cone" else 0.80)
+    top = height * form.top
     levels = np.array([0.0, 0.35, 0.7, 1.0]) * top
     axis = np.concatenate([np.cumsum(lean, axis=0), levels[:, None]], axis=-1)
     radius = 0.5 * trunk
@@ -86,40 +86,29 @@ def _skeleton(
     wood = [tube(bark, base, radii, 8 if high else 4, crease_deg=70.0)]
     tips = [axis[-1]]
     turn = rng.uniform(0, 2 * np.pi)
+    every = form.bough_every[DETAILS.index(detail)]
     for k in range(form.branches):
         share = (k + rng.uniform(0.1, 0.9)) / form.branches
         turn += 2.4 + rng.normal(0, 0.25)
         z = bare + share * (top * 0.96 - bare)
         start = np.array([np.interp(z, axis[:, 2], axis[:, i]) for i in range(3)])
-        reach = _reach(form.shape, share) * 0.5 * crown * rng.uniform(0.8, 1.0)
+        reach = form.reach(share) * 0.5 * crown * rng.uniform(0.8, 1.0)
         slope = form.rise[0] + share * (form.rise[1] - form.rise[0])
         end = start + reach * np.array([elementary.cos(turn), elementary.sin(turn), slope])
-        bend = 0.5 * (start + end) + np.array([0, 0, -0.06 * reach if form.shape == "cone" else 0.08 * reach])
-        r0 = radius * (0.32 if form.shape == "cone" else 0.5) * (1 - 0.6 * share)
-        sparse = k % 4 == 0 and detail != "far" and (high or form.shape != "cone")
-        if sparse or (high and (form.shape != "cone" or k % 2 == 0)):
-            wood.append(
-                tube(
-                    bark,
-                    [start, bend, bend + 0.7 * (end - bend)],
-                    [r0, 0.7 * r0, 0.2 * r0],
-                    (3 if form.shape == "cone" else 5) if high else 3,
-                    caps=False,
-                    crease_deg=80.0,
-                )
-            )
-        tips += (
-            [end, bend + 0.4 * (end - bend)]
-            if form.shape != "cone"
-            else list(start + np.linspace(0.15, 1, 6)[:, None] * (end - start))
-        )
+        bend = 0.5 * (start + end) + np.array([0, 0, form.arch * reach])
+        r0 = radius * form.bough * (1 - 0.6 * share)
+        if every and k % every == 0:
+            line, thickness = [start, bend, bend + 0.7 * (end - bend)], [r0, 0.7 * r0, 0.2 * r0]
+            sides = form.bough_sides if high else 3
+            wood.append(tube(bark, line, thickness, sides, caps=False, crease_deg=80.0))
+        if form.needles:
+            tips += list(start + np.linspace(0.15, 1, 6)[:, None] * (end - start))
+        else:
+            tips += [end, bend + 0.4 * (end - bend)]
         for _ in range(form.twigs):
             at = bend + rng.uniform(0.0, 0.8) * (end - bend)
-            tip = (
-                at
-                + 0.45 * reach * directions(rng, 1)[0] * np.array([1, 1, 0.6])
-                + np.array([0, 0, 0.2 * reach])
-            )
+            spread = 0.45 * reach * directions(rng, 1)[0] * np.array([1, 1, 0.6])
+            tip = at + spread + np.array([0, 0, 0.2 * reach])
             r1 = r0 * 0.7 * float(elementary.power(max(form.twigs, 1), -1 / 2.3))
             if high:
                 wood.append(tube(bark, [at, tip], [r1, 0.3 * r1], 3, caps=False, crease_deg=80.0))
@@ -127,23 +116,11 @@ def _skeleton(
     return wood, np.array(tips)
 
 
-def _reach(shape: str, share: float) -> float:
-    """Length of a branch at a share of the crown's height, relative to the crown's radius."""
-    if shape == "cone":
-        return 1.02 - 0.97 * share
-    if shape == "column":
-        return float(np.sqrt(max(1.0 - (2.0 * share - 0.9) ** 2, 0.12)))
-    middle = 0.35 if shape == "round" else 0.30
-    return float(
-        np.sqrt(max(1.0 - ((share - middle) / (1.08 - middle if share > middle else 0.75)) ** 2, 0.05))
-    )
-
-
 def _foliage_points(
     form: TreeForm, rng: np.random.Generator, tips: Array, height: float, crown: float, bare: float
 ) -> Array:
     """Middles of leaf clumps, shape (K, 3)."""
-    if form.shape == "cone":
+    if form.needles:
         return tips[rng.permutation(len(tips))[: form.clumps]]
     # The outermost twigs lie inside the crown, not beyond it.
     centre = np.array([0.0, 0.0, 0.5 * (height + bare)])
@@ -162,14 +139,13 @@ def _crown(
 ) -> list[Mesh]:
     """Clumps at the points, and leaves that stand out of them."""
     high = detail == "high"
-    share = _CLUMP_FRACTION[detail] * (0.7 if form.shape == "cone" and not high else 1.0)
+    share = _CLUMP_FRACTION[detail] * (1.0 if high else form.far_clumps)
     chosen = points[: max(round(share * len(points)), 6)]
     weight = rng.uniform(0.75, 1.25, len(points))[: len(chosen)]
-    if form.shape == "cone":
+    if form.needles:
         # Long boughs carry more needles than the leader.
         weight = weight * (0.35 + 0.4 * np.sqrt(np.sum(chosen[:, :2] ** 2, axis=-1)))
-    squash = {"cone": 0.45, "column": 1.7}.get(form.shape, 0.82)
-    ragged = 0.28 if high and form.shape != "cone" else 0.36
+    squash, ragged = form.squash, form.ragged if high else 0.36
     # Surface of a spheroid over that of a sphere, after K. Thomsen's approximation.
     flat = elementary.power((1.0 + 2.0 * elementary.power(squash, 1.6075)) / 3.0, 1.0 / 1.6075)
     core_m2 = _CORE_FRACTION[detail] * area_m2 / flat
@@ -184,9 +160,7 @@ def _crown(
     reach = bough * np.sqrt(rng.uniform(0.25, 1.0, (count, 1))) * 1.35
     spots = points[owner] + away * reach * np.array([1.0, 1.0, squash])
     spots[:, 2] = np.maximum(spots[:, 2], 0.3)
-    out = spots - middle
-    out = 0.5 * out / np.maximum(np.sqrt(np.sum(out * out, axis=-1, keepdims=True)), 1e-6) + 0.5 * away
-    out = out / np.maximum(np.sqrt(np.sum(out * out, axis=-1, keepdims=True)), 1e-6)
+    out = unit(0.5 * unit(spots - middle) + 0.5 * away)
     span = np.sqrt(np.max(np.sum((points - middle) ** 2, axis=-1))) + bough
     depth = np.sqrt(np.sum((spots - middle) ** 2, axis=-1)) / span
     shade = np.clip(0.42 + 0.5 * depth + 0.2 * out[:, 2], 0.4, 1.0)
@@ -195,5 +169,5 @@ def _crown(
 
 
 def _area_m2(mesh: Mesh) -> float:
-    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]].astype(np.float64) for i in range(3))
-    return float(0.5 * np.sqrt(np.sum(cross(b - a, c - a) ** 2, axis=-1)).sum())
+    across = face_vectors(mesh.vertices_m.astype(np.float64), mesh.triangles)
+    return float(0.5 * np.sqrt(np.sum(across**2, axis=-1)).sum())

@@ -6,18 +6,19 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from carlaloc_env.assets.modelling.normals import crease
 from carlaloc_env.assets.modelling.primitives import Look, grid_triangles, mirrored
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
+from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 Points = tuple[tuple[float, float], ...]
 """Points (x, z) of an outline."""
 
-DARK = (9, 9, 10)
+DARK: Colour = (9, 9, 10)
 """Linear tint of black trim."""
 _ROWS = 10
 _FEW_ROWS = (0, 1, 3, 5, 6, 7, 9)
@@ -69,21 +70,29 @@ class BodyShape:
     tail_round_m: float = 0.04
     """The same at the tail."""
 
+    def belt_z(self, d: float) -> float:
+        """Height of the side windows' lower edge [m] at a distance from the nose [m]."""
+        return float(_line(self.belt, d))
 
-def loft_body(shape: BodyShape, tag: Tag, paint: Look | None = None, *, low: bool = False) -> Mesh:
+
+def plastic(tag: Tag, tint: Colour = DARK) -> Look:
+    """Plastic of a linear tint, black trim when left out."""
+    return Look(Material.PLASTIC, tag, tint)
+
+
+def loft_body(shape: BodyShape, tag: Tag, *, low: bool = False) -> Mesh:
     """Painted shell with windows; nose at +x, centred on its box, closed.
 
     Args:
         shape: Its lines.
         tag: Semantic tag of the vehicle.
-        paint: What it is made of; the instance's tint when left out.
         low: Few triangles and no wheel arches, for a car far away.
     """
-    paint = paint or Look(Material.CAR_PAINT, tag)
+    paint = Look(Material.CAR_PAINT, tag)
     d = _few_stations(shape) if low else _stations(shape)
     grid = _sections(shape, d, arches=not low)
     rows = _FEW_ROWS if low else tuple(range(_ROWS))
-    left = _skin(shape, d, grid, rows, paint, tag)
+    left = _skin(shape, d, grid, rows, paint)
     grid = grid[:, rows]
     caps = [_cap(grid[0], shape.nose_bow_m, 1.0, paint), _cap(grid[-1], shape.tail_bow_m, -1.0, paint)]
     return crease(merge([left, mirrored(left), *caps]), 38.0)
@@ -93,33 +102,39 @@ def _few_stations(shape: BodyShape) -> Array:
     """The ends, the feet and heads of the screens, the ends of the windows and a few between."""
     length = shape.length_m
     key = [0.0, 0.12, length - 0.12, length, shape.cowl_d, shape.roof_front_d]
-    key += [shape.roof_rear_d, shape.deck_d, shape.windows[0][0], shape.windows[-1][1]]
-    if shape.bed is not None:
-        key += [shape.bed[0], shape.bed[0] + 0.01, shape.bed[1] - 0.01, shape.bed[1]]
-    fixed = np.unique(np.round(np.clip(key, 0.0, length), 4))
-    gaps = [np.linspace(a, b, int(np.ceil((b - a) / 1.4)) + 1)[:-1] for a, b in pairwise(fixed)]
-    return np.concatenate([*gaps, fixed[-1:]])
+    key += [shape.roof_rear_d, shape.deck_d, shape.windows[0][0], shape.windows[-1][1], *_bed_edges(shape)]
+    return _filled(np.unique(np.round(np.clip(key, 0.0, length), 4)), 1.4)
 
 
 def _stations(shape: BodyShape) -> Array:
     length = shape.length_m
     key = [0.05, 0.14, 0.32, length - 0.05, length - 0.14, length - 0.32, *(p[0] for p in shape.top)]
-    window_edges = [shape.cowl_d, shape.roof_front_d, shape.roof_rear_d, shape.deck_d]
+    window_edges = [shape.cowl_d, shape.roof_front_d, shape.roof_rear_d, shape.deck_d, *_bed_edges(shape)]
     window_edges += [edge for window in shape.windows for edge in window]
-    if shape.bed is not None:
-        window_edges += [shape.bed[0], shape.bed[0] + 0.01, shape.bed[1] - 0.01, shape.bed[1]]
     radius = 0.5 * shape.tyre_m + shape.arch_m
     arch = radius * np.array([-1.01, -1.0, -0.90, -0.64, -0.24, 0.24, 0.64, 0.90, 1.0, 1.01])
     exact = np.concatenate([[0.0, length], *(axle + arch for axle in shape.axles_d), window_edges])
-    # What lies within 2.5 cm of an edge that must be exact is left out: slivers cost and show nothing.
+    # Loose stations within 2.5 cm of an exact edge are left out: slivers cost and show nothing.
     loose = [d for d in key if np.abs(exact - d).min() > 0.025]
     fixed = np.unique(np.round(np.concatenate([exact, loose]), 4))
-    fixed = fixed[(fixed >= 0.0) & (fixed <= length)]
-    gaps = [np.linspace(a, b, int(np.ceil((b - a) / 0.55)) + 1)[:-1] for a, b in pairwise(fixed)]
-    return np.concatenate([*gaps, fixed[-1:]])
+    return _filled(fixed[(fixed >= 0.0) & (fixed <= length)], 0.55)
 
 
-def _sections(shape: BodyShape, d: Array, *, arches: bool = True) -> Array:
+def _bed_edges(shape: BodyShape) -> tuple[float, ...]:
+    """Both ends of a load bed and of the walls there, if there is one."""
+    if shape.bed is None:
+        return ()
+    front, rear, _ = shape.bed
+    return front, front + 0.01, rear - 0.01, rear
+
+
+def _filled(stations: Array, gap_m: float) -> Array:
+    """Rising stations with as many even ones between them as leave no wider gap."""
+    gaps = [np.linspace(a, b, int(np.ceil((b - a) / gap_m)) + 1)[:-1] for a, b in pairwise(stations)]
+    return np.concatenate([*gaps, stations[-1:]])
+
+
+def _sections(shape: BodyShape, d: Array, *, arches: bool) -> Array:
     """Left half of every cross-section from the bottom centre to the top centre, shape (K, 10, 3)."""
     tail = shape.length_m - d
     top = _roof_line(shape, d)
@@ -138,10 +153,8 @@ def _sections(shape: BodyShape, d: Array, *, arches: bool = True) -> Array:
     # Before the windscreen the upper rows spread over a crowned bonnet.
     bonnet = np.clip((shape.cowl_d - d) / 0.45, 0.0, 1.0)
     y_glass = y_glass + bonnet * (0.87 * half - y_glass)
-    y_rail, y_roof = (
-        y_rail + bonnet * (0.66 * half - y_rail),
-        0.55 * y_rail * (1 - bonnet) + bonnet * 0.36 * half,
-    )
+    y_roof = 0.55 * y_rail * (1 - bonnet) + bonnet * 0.36 * half
+    y_rail = y_rail + bonnet * (0.66 * half - y_rail)
     rise = [full + bonnet * (low - full) for full, low in ((0.84, 0.42), (0.945, 0.72), (0.985, 0.92))]
     y = np.stack(
         [zero, 0.86 * half, 0.975 * half, half, 0.99 * half, y_belt, y_glass, y_rail, y_roof, zero], -1
@@ -190,7 +203,7 @@ def _bow(shape: BodyShape, d: Array, y: Array, half: Array) -> Array:
     return (nose - tail)[:, None] * share + np.where(upper, screen[:, None] * (share - 1) * 0.7, 0.0)
 
 
-def _skin(shape: BodyShape, d: Array, grid: Array, rows: tuple[int, ...], paint: Look, tag: Tag) -> Mesh:
+def _skin(shape: BodyShape, d: Array, grid: Array, rows: tuple[int, ...], paint: Look) -> Mesh:
     """Left half of the shell, each cell with the material of its place."""
     middle = 0.5 * (d[:-1] + d[1:])
     glazed = np.zeros(len(middle), dtype=bool)
@@ -218,21 +231,9 @@ def _skin(shape: BodyShape, d: Array, grid: Array, rows: tuple[int, ...], paint:
     # From nose to tail, and from the bottom up along the left side: anticlockwise from outside when reversed.
     cells = grid_triangles(len(d), len(rows))[:, ::-1]
     owner = np.tile(part[:, [b - 1 for b in rows[1:]]].ravel(), 2)
-    looks = (paint, Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag))
+    looks = (paint, plastic(paint.tag), Look(Material.GLASS, paint.tag))
     flat = grid[:, rows].reshape(-1, 3)
-    return merge(
-        [
-            make_mesh(
-                flat,
-                cells[owner == k],
-                material=look.material,
-                tag=tag,
-                uv_m=flat[:, [0, 2]],
-                colour=look.colour,
-            )
-            for k, look in enumerate(looks)
-        ]
-    )
+    return merge(look.mesh(flat, cells[owner == k], flat[:, [0, 2]]) for k, look in enumerate(looks))
 
 
 def _cap(section: Array, bow_m: float, facing: float, paint: Look) -> Mesh:
@@ -246,14 +247,7 @@ def _cap(section: Array, bow_m: float, facing: float, paint: Look) -> Mesh:
     points[..., 0] -= facing * bow_m * change
     order = grid_triangles(len(rows), len(share))
     flat = points.reshape(-1, 3)
-    return make_mesh(
-        flat,
-        order[:, ::-1] if facing > 0 else order,
-        material=paint.material,
-        tag=paint.tag,
-        uv_m=flat[:, 1:],
-        colour=paint.colour,
-    )
+    return paint.mesh(flat, order[:, ::-1] if facing > 0 else order, flat[:, 1:])
 
 
 def _roof_line(shape: BodyShape, d: Array) -> Array:
@@ -283,6 +277,5 @@ def _roof_line(shape: BodyShape, d: Array) -> Array:
     return np.asarray(z[at] * (1 - h01) + z[at + 1] * h01 + bend, dtype=np.float64)
 
 
-def _line(points: Points, d: Array) -> Array:
-    xs, zs = np.array(points, dtype=np.float64).T
-    return np.asarray(np.interp(d, xs, zs), dtype=np.float64)
+def _line(points: Points, d: ArrayLike) -> Array:
+    return np.asarray(np.interp(np.asarray(d), *np.array(points).T), dtype=np.float64)

@@ -7,8 +7,8 @@ import numpy as np
 from carlaloc_env.assets.modelling.decals import Decals
 from carlaloc_env.assets.modelling.primitives import Look, box, ellipsoid, mirrored
 from carlaloc_env.assets.texture_atlas import PosterCell
-from carlaloc_env.assets.vehicles.body import DARK, BodyShape, loft_body
-from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, band
+from carlaloc_env.assets.vehicles.body import BodyShape, loft_body, plastic
+from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, band, rectangle
 from carlaloc_env.assets.vehicles.liveries import advert
 from carlaloc_env.assets.vehicles.parts import LampMount, PlateMount, VehicleParts, assemble
 from carlaloc_env.assets.vehicles.wheels import arch_liner, car_wheels, plain_wheel, wheel
@@ -28,10 +28,10 @@ _COACH = BodyShape(
     screen_bow_m=0.0, plan=((0.0, 0.95), (0.1, 0.985), (0.4, 1.0)), plan_rear=((0.0, 0.97), (0.1, 1.0)),
     nose_low=0.03, arch_m=0.06, nose_round_m=0.03, tail_round_m=0.0,
 )  # fmt: skip
-_SEGMENTS = {
-    "0": "abcdef", "1": "bc", "2": "abdeg", "4": "bcfg", "7": "abc",
-}  # fmt: skip
-"""Lit bars of a seven-segment digit."""
+_LINE = {"4": "bcfg", "2": "abdeg"}
+"""Digits of the bus line, and the lit bars of their seven segments."""
+_DOORS_X = ((5.55, 4.40), (1.25, -0.05), (-3.80, -5.00))
+"""Front and rear edge of each door [m]."""
 
 
 def bus() -> VehicleParts:
@@ -42,15 +42,15 @@ def bus() -> VehicleParts:
     _bus_front(decals, tag)
     _bus_rear(decals, tag)
     _bus_flanks(decals, tag)
-    dark = Look(Material.PLASTIC, tag, DARK)
+    dark = plastic(tag)
     parts = [shell, *decals.meshes]
     for x in (3.30, -2.60):
         parts += arch_liner(x, 0.54, 0.48, (0.75, 1.26), tag)
-    roof = Look(Material.PLASTIC, tag, (190, 190, 188))
+    roof = plastic(tag, (190, 190, 188))
     parts += [
         box(roof, (2.6, 1.5, 0.10), (2.2, 0.0, 3.06)),
         box(roof, (2.0, 1.5, 0.10), (-3.4, 0.0, 3.06)),
-        box(Look(Material.PLASTIC, tag, (5, 5, 5)), (11.0, 1.5, 0.5), (0.0, 0.0, 0.62)),
+        box(plastic(tag, (5, 5, 5)), (11.0, 1.5, 0.5), (0.0, 0.0, 0.62)),
     ]
     for side in (1.0, -1.0):
         mirror = ellipsoid(dark, (5.86, 1.16, 2.25), (0.07, 0.07, 0.22), 5, 8)
@@ -67,30 +67,25 @@ def bus() -> VehicleParts:
 
 
 def _bus_front(decals: Decals, tag: Tag) -> None:
-    dark, glass = Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag)
-    lamp, amber = Look(Material.LAMP_WHITE, tag), Look(Material.PLASTIC, tag, AMBER_TINT)
+    dark, glass = plastic(tag), Look(Material.GLASS, tag)
+    lamp, amber = Look(Material.LAMP_WHITE, tag), plastic(tag, AMBER_TINT)
     decals.front(dark, band(1.2, 1.2, 0.30, 0.52))
     decals.front(glass, band(1.14, 1.12, 1.02, 2.56))
     decals.front(dark, band(0.012, 0.012, 1.02, 2.56), 1)
     decals.front(dark, band(1.0, 0.96, 2.56, 2.88))
-    for k, digit in enumerate("42"):
-        _digit(decals, digit, 0.62 - 0.20 * k, 2.62, 0.20, tag)
+    for k, bars in enumerate(_LINE.values()):
+        _digit(decals, bars, 0.62 - 0.20 * k, 2.62, 0.20, tag)
     for k in range(6):
         y = 0.10 - 0.13 * k
-        decals.front(
-            Look(Material.LAMP_AMBER, tag, (90, 90, 90)),
-            [(y - 0.04, 2.66), (y + 0.04, 2.66), (y + 0.04, 2.76), (y - 0.04, 2.76)],
-            2,
-        )
-    decals.pair_front(
-        Look(Material.PLASTIC, tag, (20, 21, 23)), [(0.78, 0.56), (1.18, 0.56), (1.18, 0.82), (0.82, 0.80)], 1
-    )
+        pale = Look(Material.LAMP_AMBER, tag, (90, 90, 90))
+        decals.front(pale, rectangle(y - 0.04, 2.66, y + 0.04, 2.76), 2)
+    decals.pair_front(plastic(tag, (20, 21, 23)), [(0.78, 0.56), (1.18, 0.56), (1.18, 0.82), (0.82, 0.80)], 1)
     for y in (0.84, 1.0):
-        decals.pair_front(lamp, [(y, 0.59), (y + 0.13, 0.59), (y + 0.13, 0.72), (y, 0.72)], 2)
+        decals.pair_front(lamp, rectangle(y, 0.59, y + 0.13, 0.72), 2)
     decals.pair_front(amber, [(0.88, 0.745), (1.15, 0.745), (1.15, 0.79), (0.88, 0.785)], 2)
 
 
-def _digit(decals: Decals, digit: str, y: float, z: float, high_m: float, tag: Tag) -> None:
+def _digit(decals: Decals, lit: str, y: float, z: float, high_m: float, tag: Tag) -> None:
     """Seven-segment digit of amber lights on the destination board; `y` is its left edge seen from ahead."""
     w, h, s = 0.55 * high_m, high_m, 0.12 * high_m
     # Seen from ahead, +y lies on the right; the board reads from −y to +y.
@@ -100,43 +95,35 @@ def _digit(decals: Decals, digit: str, y: float, z: float, high_m: float, tag: T
         "c": (w - s, 0, w, 0.5 * h),
     }  # fmt: skip
     look = Look(Material.LAMP_AMBER, tag, (120, 120, 120))
-    for name in _SEGMENTS[digit]:
+    for name in lit:
         y0, z0, y1, z1 = bars[name]
-        decals.front(look, [(-y + y0, z + z0), (-y + y1, z + z0), (-y + y1, z + z1), (-y + y0, z + z1)], 2)
+        decals.front(look, rectangle(-y + y0, z + z0, -y + y1, z + z1), 2)
 
 
 def _bus_rear(decals: Decals, tag: Tag) -> None:
-    dark, glass = Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag)
+    dark, glass = plastic(tag), Look(Material.GLASS, tag)
     decals.rear(glass, band(1.0, 0.96, 1.75, 2.62))
     decals.rear(dark, band(0.9, 0.9, 0.66, 1.40))
     for z in np.arange(0.74, 1.34, 0.10):
-        decals.rear(Look(Material.PLASTIC, tag, (3, 3, 3)), band(0.82, 0.82, float(z), float(z) + 0.045), 1)
+        decals.rear(plastic(tag, (3, 3, 3)), band(0.82, 0.82, float(z), float(z) + 0.045), 1)
     decals.rear(dark, band(1.2, 1.2, 0.30, 0.42))
-    decals.pair_rear(
-        Look(Material.LAMP_TAIL, tag), [(1.20, 0.70), (1.02, 0.70), (1.02, 1.10), (1.20, 1.10)], 1
-    )
-    decals.pair_rear(
-        Look(Material.PLASTIC, tag, AMBER_TINT), [(1.20, 1.13), (1.02, 1.13), (1.02, 1.32), (1.20, 1.32)], 1
-    )
-    decals.pair_rear(
-        Look(Material.PLASTIC, tag, REVERSE_TINT),
-        [(1.20, 0.56), (1.02, 0.56), (1.02, 0.67), (1.20, 0.67)],
-        1,
-    )
+    decals.pair_rear(Look(Material.LAMP_TAIL, tag), rectangle(1.20, 0.70, 1.02, 1.10), 1)
+    decals.pair_rear(plastic(tag, AMBER_TINT), rectangle(1.20, 1.13, 1.02, 1.32), 1)
+    decals.pair_rear(plastic(tag, REVERSE_TINT), rectangle(1.20, 0.56, 1.02, 0.67), 1)
 
 
 def _bus_flanks(decals: Decals, tag: Tag) -> None:
-    gap, dark = Look(Material.PLASTIC, tag, (4, 4, 4)), Look(Material.PLASTIC, tag, DARK)
+    gap, dark = plastic(tag, (4, 4, 4)), plastic(tag)
     glass = Look(Material.GLASS, tag)
-    decals.sides(dark, [(2.72, 0.3), (-2.03, 0.3), (-2.03, 0.44), (2.72, 0.44)])
+    decals.sides(dark, rectangle(2.72, 0.3, -2.03, 0.44))
     for x in (5.2, 1.9, 0.2, -1.6, -4.4):
         decals.seam(gap, [(x, 0.46), (x, 1.10)], 0.012)
     # Boarding is on the right: three double doors of glass in dark frames.
-    for x0, x1 in ((5.55, 4.40), (1.25, -0.05), (-3.80, -5.00)):
-        decals.side(dark, [(x0, 0.36), (x1, 0.36), (x1, 2.66), (x0, 2.66)], -1.0, 1)
+    for x0, x1 in _DOORS_X:
+        decals.side(dark, rectangle(x0, 0.36, x1, 2.66), -1.0, 1)
         middle = 0.5 * (x0 + x1)
         for a, b in ((x0 - 0.06, middle + 0.02), (middle - 0.02, x1 + 0.06)):
-            decals.side(glass, [(a, 0.50), (b, 0.50), (b, 2.58), (a, 2.58)], -1.0, 2)
+            decals.side(glass, rectangle(a, 0.50, b, 2.58), -1.0, 2)
     for side, cells in (
         (1.0, ((PosterCell.TRAVEL, 1.3), (PosterCell.CINEMA, -4.1))),
         (-1.0, ((PosterCell.RADIO, 2.1), (PosterCell.BANK, -1.4))),
@@ -148,18 +135,16 @@ def _bus_flanks(decals: Decals, tag: Tag) -> None:
 def _low_bus(tag: Tag) -> Mesh:
     shell = loft_body(_COACH, tag, low=True)
     decals = Decals(shell, 0.012)
-    dark, glass = Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag)
+    dark, glass = plastic(tag), Look(Material.GLASS, tag)
     decals.front(glass, band(1.14, 1.12, 1.02, 2.56))
     decals.front(dark, band(1.0, 0.96, 2.56, 2.88))
     decals.rear(glass, band(1.0, 0.96, 1.75, 2.62))
     decals.rear(dark, band(0.9, 0.9, 0.66, 1.40))
-    decals.pair_rear(
-        Look(Material.LAMP_TAIL, tag), [(1.20, 0.70), (1.02, 0.70), (1.02, 1.10), (1.20, 1.10)], 1
-    )
+    decals.pair_rear(Look(Material.LAMP_TAIL, tag), rectangle(1.20, 0.70, 1.02, 1.10), 1)
     lamp = Look(Material.LAMP_WHITE, tag, (110, 112, 115))
-    decals.pair_front(lamp, [(0.84, 0.59), (1.13, 0.59), (1.13, 0.72), (0.84, 0.72)], 2)
-    for x0, x1 in ((5.55, 4.40), (1.25, -0.05), (-3.80, -5.00)):
-        decals.side(glass, [(x0, 0.40), (x1, 0.40), (x1, 2.66), (x0, 2.66)], -1.0, 1)
+    decals.pair_front(lamp, rectangle(0.84, 0.59, 1.13, 0.72), 2)
+    for x0, x1 in _DOORS_X:
+        decals.side(glass, rectangle(x0, 0.40, x1, 2.66), -1.0, 1)
     disc = plain_wheel(0.96, 0.02, tag)
     wheels = [w.mounted() for w in car_wheels(disc, (3.30, -2.60), 1.265, 0.48)]
     return merge([shell, *decals.meshes, *wheels])

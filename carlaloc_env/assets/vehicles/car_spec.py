@@ -1,4 +1,4 @@
-"""What distinguishes one car model from another."""
+"""The properties in which car models differ."""
 
 from __future__ import annotations
 

@@ -7,8 +7,8 @@ import numpy as np
 from carlaloc_env.assets.modelling.decals import Decals
 from carlaloc_env.assets.modelling.primitives import Look, box, ellipsoid, mirrored, surface, tube
 from carlaloc_env.assets.number_plates import PLATE_SIZE_M
-from carlaloc_env.assets.vehicles.body import DARK, loft_body
-from carlaloc_env.assets.vehicles.car_ends import front, rear
+from carlaloc_env.assets.vehicles.body import loft_body, plastic
+from carlaloc_env.assets.vehicles.car_ends import add_front, add_rear, rectangle
 from carlaloc_env.assets.vehicles.car_spec import CarSpec
 from carlaloc_env.assets.vehicles.parts import LampMount, PlateMount, VehicleParts, assemble
 from carlaloc_env.assets.vehicles.wheels import arch_liner, car_wheels, plain_wheel, wheel
@@ -21,25 +21,21 @@ def car(spec: CarSpec) -> VehicleParts:
     shape = spec.shape
     shell = loft_body(shape, spec.tag)
     decals = Decals(shell)
-    front(decals, spec)
-    rear(decals, spec)
+    add_front(decals, spec)
+    add_rear(decals, spec)
     _flanks(decals, spec)
     nose, radius = 0.5 * shape.length_m, 0.5 * shape.tyre_m
     axles = tuple(nose - d for d in shape.axles_d)
     half = 0.5 * shape.width_m
     track = half * 0.975 - 0.5 * spec.tyre_width_m - 0.01
-    liners = [
-        m
-        for x in axles
-        for m in arch_liner(x, radius + shape.arch_m, radius, (half - 0.34, 0.985 * half), spec.tag)
-    ]
-    body = merge([shell, *decals.meshes, *liners, *_mirrors(spec), *_roof(spec, decals), _belly(spec)])
+    parts = [shell, *decals.meshes]
+    for x in axles:
+        parts += arch_liner(x, radius + shape.arch_m, radius, (half - 0.34, 0.985 * half), spec.tag)
+    tyre = wheel(shape.tyre_m, spec.tyre_width_m, spec.tag, spokes=spec.spokes)
     return assemble(
-        body=body,
-        low=_low(spec),
-        wheels=car_wheels(
-            wheel(shape.tyre_m, spec.tyre_width_m, spec.tag, spokes=spec.spokes), axles, track, radius
-        ),
+        body=merge([*parts, *_mirrors(spec), *_roof(spec, decals), _belly(spec)]),
+        low=_low_car(spec),
+        wheels=car_wheels(tyre, axles, track, radius),
         plates=_plates(decals, spec),
         lamps=_lamps(decals, spec),
     )
@@ -65,13 +61,10 @@ def _lamps(decals: Decals, spec: CarSpec) -> tuple[LampMount, ...]:
 
 def _flanks(decals: Decals, spec: CarSpec) -> None:
     shape, tag = spec.shape, spec.tag
-    gap, dark = Look(Material.PLASTIC, tag, (4, 4, 4)), Look(Material.PLASTIC, tag, DARK)
+    gap, dark = plastic(tag, (4, 4, 4)), plastic(tag)
     chrome = Look(Material.METAL_GALVANISED, tag, (235, 235, 235))
-    nose = 0.5 * shape.length_m
-
-    def belt(d: float) -> float:
-        return float(np.interp(d, *np.array(shape.belt).T))
-
+    handle = chrome if spec.chrome else Look(Material.CAR_PAINT, tag)
+    nose, belt = 0.5 * shape.length_m, shape.belt_z
     sill = shape.clearance_m + 0.15
     for d in spec.doors:
         decals.seam(gap, [(nose - d, sill), (nose - d, belt(d) - 0.01)], 0.013)
@@ -80,12 +73,8 @@ def _flanks(decals: Decals, spec: CarSpec) -> None:
         decals.seam(gap, [(nose - first, sill), (nose - last, sill)], 0.013)
         for back in spec.doors[1:]:
             x, z = nose - back + 0.05, belt(back) - 0.13
-            decals.sides(gap, [(x + 0.20, z - 0.005), (x, z - 0.005), (x, z + 0.035), (x + 0.20, z + 0.035)])
-            decals.sides(
-                Look(Material.CAR_PAINT, tag) if not spec.chrome else chrome,
-                [(x + 0.19, z + 0.008), (x + 0.01, z + 0.008), (x + 0.01, z + 0.03), (x + 0.19, z + 0.03)],
-                1,
-            )
+            decals.sides(gap, rectangle(x + 0.20, z - 0.005, x, z + 0.035))
+            decals.sides(handle, rectangle(x + 0.19, z + 0.008, x + 0.01, z + 0.03), 1)
     if spec.chrome and shape.windows:
         a, b = shape.windows[0][0], shape.windows[-1][1]
         decals.seam(chrome, [(nose - a, belt(a) - 0.012), (nose - b, belt(b) - 0.012)], 0.02)
@@ -97,35 +86,23 @@ def _flanks(decals: Decals, spec: CarSpec) -> None:
         front_d, rear_d = (shape.axles_d[k] for k in (0, -1))
         reach = 0.5 * shape.tyre_m + shape.arch_m
         x0, x1 = nose - front_d - reach, nose - rear_d + reach
-        decals.sides(dark, [(x0, 0.0), (x1, 0.0), (x1, lower), (x0, lower)])
+        decals.sides(dark, rectangle(x0, 0.0, x1, lower))
 
 
 def _mirrors(spec: CarSpec) -> list[Mesh]:
     shape = spec.shape
     d = shape.windows[0][0] + 0.20
-    belt = float(np.interp(d, *np.array(shape.belt).T))
+    belt = shape.belt_z(d)
     tall = max(z for _, z in shape.top) > 2.2
     high, wide = (0.20, 0.10) if tall else (0.075, 0.10)
     centre = (0.5 * shape.length_m - d, 0.5 * shape.width_m - wide, belt + 0.045 + high)
-    shell = ellipsoid(
-        Look(Material.PLASTIC, spec.tag, DARK)
-        if shape.cladding and tall
-        else Look(Material.CAR_PAINT, spec.tag),
-        centre,
-        (0.085, wide, high),
-        5,
-        10,
-    )
+    look = plastic(spec.tag) if shape.cladding and tall else Look(Material.CAR_PAINT, spec.tag)
+    shell = ellipsoid(look, centre, (0.085, wide, high), 5, 10)
     x, y, z = centre[0] - 0.088, centre[1], centre[2]
     w, h = 0.75 * wide, 0.7 * high
-    glass = surface(
-        Look(Material.GLASS, spec.tag, (255, 255, 255)),
-        [(x, y + w, z - h), (x, y - w, z - h), (x, y - w, z + h), (x, y + w, z + h)],
-        [(0, 1, 2), (0, 2, 3)],
-    )
-    arm = box(
-        Look(Material.PLASTIC, spec.tag, DARK), (0.06, 0.16, 0.03), (centre[0], centre[1] - 0.09, belt + 0.03)
-    )
+    pane = [(x, y + w, z - h), (x, y - w, z - h), (x, y - w, z + h), (x, y + w, z + h)]
+    glass = surface(Look(Material.GLASS, spec.tag), pane, [(0, 1, 2), (0, 2, 3)])
+    arm = box(plastic(spec.tag), (0.06, 0.16, 0.03), (centre[0], centre[1] - 0.09, belt + 0.03))
     return [m for part in (shell, glass, arm) for m in (part, mirrored(part))]
 
 
@@ -138,14 +115,8 @@ def _roof(spec: CarSpec, decals: Decals) -> list[Mesh]:
         low = decals.surface_z(x - 0.09, 0.0) - 0.004
         high = min(low + 0.065, highest)
         fin = [(x + 0.1, 0.0, decals.surface_z(x + 0.1, 0.0)), (x - 0.09, 0.03, low), (x - 0.09, -0.03, low)]
-        parts.append(
-            surface(
-                Look(Material.CAR_PAINT, spec.tag),
-                [*fin, (x - 0.08, 0.0, high)],
-                [(0, 1, 3), (1, 2, 3), (2, 0, 3)],
-                crease_deg=10.0,
-            )
-        )
+        paint, sides = Look(Material.CAR_PAINT, spec.tag), [(0, 1, 3), (1, 2, 3), (2, 0, 3)]
+        parts.append(surface(paint, [*fin, (x - 0.08, 0.0, high)], sides, crease_deg=10.0))
     if spec.rails:
         a, b = nose - shape.roof_front_d - 0.15, nose - shape.roof_rear_d + 0.12
         y, along = 0.5 * shape.width_m * 0.58, np.linspace(a, b, 6)
@@ -164,20 +135,16 @@ def _belly(spec: CarSpec) -> Mesh:
     length = shape.axles_d[-1] - shape.axles_d[0] + shape.tyre_m + 0.2
     middle = 0.5 * shape.length_m - 0.5 * (shape.axles_d[-1] + shape.axles_d[0])
     low, high = shape.clearance_m + 0.02, 0.5 * shape.tyre_m + 0.25
-    return box(
-        Look(Material.PLASTIC, spec.tag, (5, 5, 5)),
-        (length, width, high - low),
-        (middle, 0.0, 0.5 * (low + high)),
-    )
+    return box(plastic(spec.tag, (5, 5, 5)), (length, width, high - low), (middle, 0.0, 0.5 * (low + high)))
 
 
-def _low(spec: CarSpec) -> Mesh:
+def _low_car(spec: CarSpec) -> Mesh:
     """The car seen from afar: few triangles, wheels as discs, lamps and plates."""
     shape, tag = spec.shape, spec.tag
     shell = loft_body(shape, tag, low=True)
     decals = Decals(shell, 0.012)
-    front(decals, spec, low=True)
-    rear(decals, spec, low=True)
+    add_front(decals, spec, low=True)
+    add_rear(decals, spec, low=True)
     nose, half = 0.5 * shape.length_m, 0.5 * shape.width_m
     disc = plain_wheel(shape.tyre_m, 0.02, tag)
     axles = tuple(nose - d for d in shape.axles_d)

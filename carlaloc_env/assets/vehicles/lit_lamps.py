@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.modelling.primitives import Look
 from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, STOP_TINT
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, make_mesh
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 
 LAMPS = ("brake", "left", "right", "reverse")
@@ -26,9 +26,10 @@ def lit_lamps(name: str, body: Mesh) -> dict[str, Mesh]:
     """
     corner = body.triangles[:, 0]
     plastic = body.material[corner] == Material.PLASTIC
-    stop = plastic & np.all(body.colour[corner] == STOP_TINT, axis=-1)
-    amber = plastic & np.all(body.colour[corner] == AMBER_TINT, axis=-1)
-    white = plastic & np.all(body.colour[corner] == REVERSE_TINT, axis=-1)
+    stop, amber, white = (
+        plastic & np.all(body.colour[corner] == tint, axis=-1)
+        for tint in (STOP_TINT, AMBER_TINT, REVERSE_TINT)
+    )
     y = body.vertices_m[body.triangles, 1].mean(axis=1)
     chosen = {
         "brake": (stop | (body.material[corner] == Material.LAMP_TAIL), Material.LAMP_RED),
@@ -47,12 +48,6 @@ def lit_lamps(name: str, body: Mesh) -> dict[str, Mesh]:
 def _cut(mesh: Mesh, chosen: NDArray[np.bool_], look: Look, lift_m: float) -> Mesh:
     """Some of the triangles, lifted along their normals, of another look."""
     used, index = np.unique(mesh.triangles[chosen], return_inverse=True)
-    return make_mesh(
-        mesh.vertices_m[used] + lift_m * mesh.normals[used],
-        index.reshape(-1, 3),
-        material=look.material,
-        tag=look.tag,
-        uv_m=mesh.uv_m[used],
-        normals=mesh.normals[used],
-        colour=look.colour,
-    )
+    normals = mesh.normals[used]
+    lifted = mesh.vertices_m[used] + lift_m * normals
+    return look.mesh(lifted, index.reshape(-1, 3), mesh.uv_m[used], normals)

@@ -1,4 +1,4 @@
-"""A vehicle taken apart: body, wheels, plates, lamps; what turns and what differs is drawn on its own."""
+"""A vehicle in parts: body, wheels, plates and lamps; turning and differing parts are drawn separately."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class VehicleParts:
     pedalled: tuple[tuple[Mesh, Mesh], ...] = ()
     """Body and low version for every further phase of one turn of its cranks; empty for motor vehicles."""
     crank_travel_m: float = 1.0
-    """Way on which its cranks turn once [m]."""
+    """Distance on which its cranks turn once [m]."""
 
     @property
     def phases(self) -> int:
-        """Number of postures, the body's own among them."""
+        """Number of postures, including that of `body`."""
         return 1 + len(self.pedalled)
 
     @property

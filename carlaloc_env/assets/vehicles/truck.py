@@ -5,8 +5,8 @@ from __future__ import annotations
 from carlaloc_env.assets.modelling.decals import Decals
 from carlaloc_env.assets.modelling.primitives import Look, box, placed
 from carlaloc_env.assets.texture_atlas import PosterCell
-from carlaloc_env.assets.vehicles.body import DARK, BodyShape, loft_body
-from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, band
+from carlaloc_env.assets.vehicles.body import BodyShape, loft_body, plastic
+from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, band, rectangle
 from carlaloc_env.assets.vehicles.liveries import advert
 from carlaloc_env.assets.vehicles.parts import LampMount, PlateMount, VehicleParts, assemble
 from carlaloc_env.assets.vehicles.wheels import arch_liner, axle, car_wheels, plain_wheel, wheel
@@ -49,23 +49,23 @@ def truck() -> VehicleParts:
 
 
 def _cab_face(decals: Decals, tag: Tag) -> None:
-    dark, recess = Look(Material.PLASTIC, tag, DARK), Look(Material.PLASTIC, tag, (3, 3, 3))
-    gap, lamp = Look(Material.PLASTIC, tag, (4, 4, 4)), Look(Material.LAMP_WHITE, tag)
+    dark, recess = plastic(tag), plastic(tag, (3, 3, 3))
+    gap, lamp = plastic(tag, (4, 4, 4)), Look(Material.LAMP_WHITE, tag)
     decals.front(dark, band(1.25, 1.25, 0.36, 0.80))
     decals.front(dark, band(0.80, 0.72, 0.86, 1.30), 1)
     for z in (0.92, 1.01, 1.10, 1.19):
         decals.front(recess, band(0.74, 0.70, z, z + 0.055), 2)
     decals.pair_front(recess, [(0.74, 0.54), (1.17, 0.54), (1.17, 0.76), (0.74, 0.74)], 1)
     decals.pair_front(lamp, [(0.80, 0.57), (0.96, 0.57), (0.96, 0.72), (0.80, 0.71)], 2)
-    decals.pair_front(lamp, [(0.99, 0.57), (1.08, 0.57), (1.08, 0.72), (0.99, 0.72)], 2)
-    amber = Look(Material.PLASTIC, tag, AMBER_TINT)
+    decals.pair_front(lamp, rectangle(0.99, 0.57, 1.08, 0.72), 2)
+    amber = plastic(tag, AMBER_TINT)
     decals.pair_front(amber, [(1.10, 0.57), (1.155, 0.57), (1.155, 0.73), (1.10, 0.72)], 2)
     decals.front(recess, band(0.28, 0.28, 0.54, 0.72), 1)
     decals.seam(gap, [(0.62, 0.85), (0.62, 1.46)], 0.02)
     decals.seam(gap, [(-0.42, 1.10), (-0.42, 1.50)], 0.02)
-    decals.sides(dark, [(-0.10, 1.22), (-0.34, 1.22), (-0.34, 1.27), (-0.10, 1.27)])
+    decals.sides(dark, rectangle(-0.10, 1.22, -0.34, 1.27))
     for z in (0.48, 0.74):
-        decals.sides(recess, [(0.92, z), (0.66, z), (0.66, z + 0.09), (0.92, z + 0.09)])
+        decals.sides(recess, rectangle(0.92, z, 0.66, z + 0.09))
 
 
 def _box_body(tag: Tag) -> list[Mesh]:
@@ -93,7 +93,7 @@ def _box_body(tag: Tag) -> list[Mesh]:
 
 def _chassis(tag: Tag) -> list[Mesh]:
     """Frame, tanks, guards, lamps of the tail, mirrors."""
-    dark = Look(Material.PLASTIC, tag, DARK)
+    dark = plastic(tag)
     parts = [
         box(dark, (6.2, 0.85, 0.28), (-0.9, 0.0, 0.86)),
         box(Look(Material.METAL_GALVANISED, tag), (0.9, 0.5, 0.5), (0.75, 0.92, 0.72)),
@@ -105,7 +105,7 @@ def _chassis(tag: Tag) -> list[Mesh]:
     for y in (-0.8, 0.8):
         parts.append(box(dark, (0.05, 0.06, 0.34), (-3.88, y, 0.56)))
         parts.append(box(Look(Material.RUBBER, tag), (0.02, 0.56, 0.5), (-2.52, 1.2 * y, 0.45)))
-    amber, white = (Look(Material.PLASTIC, tag, tint) for tint in (AMBER_TINT, REVERSE_TINT))
+    amber, white = (plastic(tag, tint) for tint in (AMBER_TINT, REVERSE_TINT))
     for side in (1.0, -1.0):
         parts.append(box(dark, (1.4, 0.03, 0.12), (-0.45, side * 1.2, 0.80)))
         parts.append(box(dark, (1.4, 0.03, 0.12), (-0.45, side * 1.2, 0.56)))
@@ -124,7 +124,7 @@ def _chassis(tag: Tag) -> list[Mesh]:
 def _low_lorry(tag: Tag) -> Mesh:
     cab = loft_body(_CAB, tag, low=True)
     decals = Decals(cab, 0.012)
-    dark = Look(Material.PLASTIC, tag, DARK)
+    dark = plastic(tag)
     decals.front(dark, band(1.1, 1.1, 0.36, 1.25))
     lamp = Look(Material.LAMP_WHITE, tag, (110, 112, 115))
     decals.pair_front(lamp, [(0.80, 0.57), (1.08, 0.57), (1.08, 0.72), (0.80, 0.71)], 2)

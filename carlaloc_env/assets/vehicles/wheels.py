@@ -19,6 +19,8 @@ RIM = (150, 152, 155)
 """Linear tint of rims."""
 HUB_DARK = (10, 10, 11)
 """Linear tint between the spokes."""
+SIDES = 16
+"""Corners of a tyre; a multiple of four keeps one of them on the ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,15 +36,11 @@ class WheelMount:
     right: bool
     """Whether it hangs on the right, its outer face at −y."""
 
-    def mounted(self, steer_rad: float = 0.0, turn_rad: float = 0.0) -> Mesh:
-        """The wheel in the vehicle's frame, steered to the left and rolled ahead [rad]."""
-        T = wheel_pose(
-            np.array([self.centre_m]),
-            np.array([self.right]),
-            np.array([steer_rad * self.steered]),
-            np.array([turn_rad]),
-        )[0]
-        return self.mesh.transformed(T)
+    def mounted(self, steer_rad: float = 0.0) -> Mesh:
+        """The wheel in the vehicle's frame, steered to the left [rad]."""
+        centre_m, right = np.array([self.centre_m]), np.array([self.right])
+        T = wheel_pose(centre_m, right, np.array([steer_rad * self.steered]), np.zeros(1))
+        return self.mesh.transformed(T[0])
 
 
 def wheel_pose(
@@ -52,12 +50,7 @@ def wheel_pose(
     turn_rad: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Transforms from wheels to their vehicles: Rz(steer)·Ry(turn)·Rz(π on the right), shape (N, 4, 4)."""
-    c, s, ct, st = (
-        elementary.cos(steer_rad),
-        elementary.sin(steer_rad),
-        elementary.cos(turn_rad),
-        elementary.sin(turn_rad),
-    )
+    c, s, ct, st = (f(angle) for angle in (steer_rad, turn_rad) for f in (elementary.cos, elementary.sin))
     side = np.where(right, -1.0, 1.0)
     T = np.zeros((len(centre_m), 4, 4))
     T[:, 0, 0], T[:, 0, 1], T[:, 0, 2] = side * c * ct, -side * s, c * st
@@ -69,14 +62,7 @@ def wheel_pose(
 
 
 def wheel(
-    diameter_m: float,
-    width_m: float,
-    tag: Tag,
-    *,
-    sides: int = 16,
-    spokes: int = 5,
-    rim: float = 0.68,
-    back: bool = True,
+    diameter_m: float, width_m: float, tag: Tag, *, spokes: int, rim: float = 0.68, back: bool = True
 ) -> Mesh:
     """Wheel whose axle lies along y through the origin, outer face at +y.
 
@@ -84,26 +70,23 @@ def wheel(
         diameter_m: Outer diameter of the tyre [m].
         width_m: Width of the tyre [m].
         tag: Semantic tag of the vehicle.
-        sides: Corners of the tyre; a multiple of four keeps a corner on the ground.
         spokes: Spokes of the rim; 0 for a steel disc with holes.
         rim: Diameter of the rim as a share of the tyre's.
         back: Whether the inner face is closed.
     """
     r, h = 0.5 * diameter_m, 0.5 * width_m
     profile = [(0.80 * r, -h), (r, -0.75 * h), (r, 0.74 * h), (rim * r, h)]
-    tyre = rings(Look(Material.RUBBER, tag, TYRE), _circles(profile, sides), caps=False, crease_deg=42.0)
+    tyre = rings(Look(Material.RUBBER, tag, TYRE), _circles(profile), caps=False, crease_deg=42.0)
     dark = Look(Material.METAL_PAINTED, tag, HUB_DARK)
     metal = Look(Material.METAL_PAINTED, tag, RIM)
-    inside = mirrored(_plate(dark, 0.80 * r, h, sides)) if back else merge([])
-    lip = rings(metal, _circles([(rim * r, 0.96 * h), (0.90 * rim * r, 0.80 * h)], sides), caps=False)
+    inside = mirrored(_plate(dark, 0.80 * r, h)) if back else merge([])
+    lip = rings(metal, _circles([(rim * r, 0.96 * h), (0.90 * rim * r, 0.80 * h)]), caps=False)
     if spokes == 0:
-        dish = rings(
-            metal, _circles([(0.90 * rim * r, 0.80 * h), (0.45 * rim * r, 0.66 * h)], sides), caps=False
-        )
+        dish = rings(metal, _circles([(0.90 * rim * r, 0.80 * h), (0.45 * rim * r, 0.66 * h)]), caps=False)
         hub = _dome(metal, 0.45 * rim * r, 0.66 * h, 0.92 * h)
         holes = [_hole(dark, 0.68 * rim * r, 0.09 * r, 0.745 * h, k / 8) for k in range(8)]
         return merge([tyre, inside, lip, dish, hub, *holes])
-    dish = _plate(dark, 0.90 * rim * r, 0.62 * h, sides)
+    dish = _plate(dark, 0.90 * rim * r, 0.62 * h)
     hub = _dome(metal, 0.20 * rim * r, 0.70 * h, 0.80 * h)
     width = (0.17 if spokes < 8 else 0.09) * rim * r
     blades = [
@@ -168,21 +151,21 @@ def arch_liner(
     return [m for part in (tube, back) for m in (part, mirrored(part))]
 
 
-def _circles(profile: list[tuple[float, float]], sides: int) -> NDArray[np.float64]:
+def _circles(profile: list[tuple[float, float]], sides: int = SIDES) -> NDArray[np.float64]:
     # Anticlockwise seen against +y, beginning at the lowest point.
     up, ahead = circle(sides).T
     r, y = np.array(profile).T[:, :, None]
     return np.stack([-r * ahead, np.broadcast_to(y, (len(r), sides)), -r * up], axis=-1)
 
 
-def _plate(look: Look, radius_m: float, y_m: float, sides: int) -> Mesh:
+def _plate(look: Look, radius_m: float, y_m: float, sides: int = SIDES) -> Mesh:
     ring = _circles([(radius_m, y_m)], sides)[0]
     return surface(look, np.concatenate([ring, [[0.0, y_m, 0.0]]]), fan(sides))
 
 
-def _dome(look: Look, radius_m: float, low_m: float, high_m: float, sides: int = 8) -> Mesh:
+def _dome(look: Look, radius_m: float, low_m: float, high_m: float) -> Mesh:
     profile = [(radius_m, low_m), (0.8 * radius_m, high_m), (1e-4, high_m)]
-    return rings(look, _circles(profile, sides), caps=False, crease_deg=60.0)
+    return rings(look, _circles(profile, 8), caps=False, crease_deg=60.0)
 
 
 def _hole(look: Look, ring_m: float, radius_m: float, y_m: float, turn: float) -> Mesh:

@@ -1,4 +1,4 @@
-"""What walkers wear and carry besides their clothes: skirts, bags, a walking stick."""
+"""Skirts, bags and walking sticks of walkers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 
 
-def skirt(builder: SkinBuilder) -> None:
+def add_skirt(builder: SkinBuilder) -> None:
     """Skirt or the skirts of a coat: the hem swings with both thighs."""
     b, s, j = builder.build, builder.size, builder.rest
     hips = j["pelvis"]
@@ -22,25 +22,21 @@ def skirt(builder: SkinBuilder) -> None:
     ring = np.insert(circle(sides, 0.5), 2, 0.0, axis=1)
     look = builder.look(b.upper if b.coat else b.lower)
     top, bottom = hips + up(0.02), hips + (0.80 if b.coat else 0.84) * (knee - hips)
-    shares = np.linspace(0.0, 1.0, 2 if builder.low else 4)[::-1]
-    grid = np.stack(
-        [
-            top + t * (bottom - top) + ring * ((0.130 + 0.050 * t) * s, (0.182 * b.hips + 0.030 * t) * s, 0.0)
-            for t in shares
-        ]
-    )
-    mesh = rings(look, grid, crease_deg=80.0)
+    grid = [
+        top + t * (bottom - top) + ring * ((0.130 + 0.050 * t) * s, (0.182 * b.hips + 0.030 * t) * s, 0.0)
+        for t in np.linspace(0.0, 1.0, 2 if builder.low else 4)[::-1]
+    ]
+    mesh = rings(look, np.stack(grid), crease_deg=80.0)
     at = mesh.vertices_m.astype(np.float64)
     t = np.clip((top[2] - at[:, 2]) / (top[2] - bottom[2]), 0.0, 1.0)
     thigh = np.where(at[:, 1] > 0, BONES.index("thigh_l"), BONES.index("thigh_r"))
     bones = np.stack([thigh, np.full(len(at), BONES.index("pelvis"))], axis=1)
-    builder.parts.append(
-        (mesh, bones, 0.9 * elementary.power(t, 0.7) * np.clip(np.abs(at[:, 1]) / (0.05 * s), 0.5, 1.0))
-    )
+    weight = 0.9 * elementary.power(t, 0.7) * np.clip(np.abs(at[:, 1]) / (0.05 * s), 0.5, 1.0)
+    builder.parts.append((mesh, bones, weight))
 
 
-def things(builder: SkinBuilder) -> None:
-    """Bags and stick."""
+def add_bags_and_stick(builder: SkinBuilder) -> None:
+    """Backpack, handbag, shopping bag and walking stick, where the figure has them."""
     b, s, j = builder.build, builder.size, builder.rest
     if b.backpack is not None:
         _backpack(builder, builder.look(b.backpack))
@@ -49,30 +45,27 @@ def things(builder: SkinBuilder) -> None:
         at = j["pelvis"] + by(0.02, 0.235 * s, -0.02)
         builder.hung(_block(look, at, (0.28 * s, 0.10 * s, 0.20 * s)), "pelvis")
         if not builder.low:
-            strap = _strip(
-                look,
-                [
-                    at + up(0.09 * s),
-                    j["chest"] + by(0.02, 0.19 * s, 0.05),
-                    j["shoulder_l"] + by(0, -0.04, 0.055 * s),
-                ],
-            )
-            builder.hung(strap, "chest")
+            side, shoulder = j["chest"] + by(0.02, 0.19 * s, 0.05), j["shoulder_l"] + by(0, -0.04, 0.055 * s)
+            builder.hung(_strap(look, [at + up(0.09 * s), side, shoulder]), "chest")
     if b.carrier is not None:
         hand = j["hand_r"] + up(0.03)
         look = builder.look(b.carrier, Material.PLASTIC)
         bag = _block(look, hand - up(0.24 * s), (0.30 * s, 0.12 * s, 0.32 * s))
         # It hangs down rather than out, as the hand swings.
-        bones = np.array([[BONES.index("fore_r"), BONES.index("pelvis")]] * len(bag.vertices_m))
-        builder.parts.append((bag, bones, np.full(len(bones), 0.6)))
+        _held(builder, bag, np.full(len(bag.vertices_m), 0.6))
     if b.stick:
         hand = j["hand_r"] + up(0.05)
         wood = builder.look((50, 26, 12), Material.PLASTIC)
         foot = np.array([hand[0] + 0.05, hand[1], 0.04])
-        stick = _strip(wood, [foot, hand, hand + by(-0.06, 0, 0.02)], 0.011)
-        bones = np.array([[BONES.index("fore_r"), BONES.index("pelvis")]] * len(stick.vertices_m))
+        stick = _strap(wood, [foot, hand, hand + by(-0.06, 0, 0.02)], 0.011)
         # Held by its grip, it swings less than the arm.
-        builder.parts.append((stick, bones, np.where(stick.vertices_m[:, 2] > 0.4, 0.9, 0.25)))
+        _held(builder, stick, np.where(stick.vertices_m[:, 2] > 0.4, 0.9, 0.25))
+
+
+def _held(builder: SkinBuilder, mesh: Mesh, weight: Array) -> None:
+    """Add a thing in the right hand that follows the forearm by a weight (V,) and else the hips."""
+    bones = np.array([[BONES.index("fore_r"), BONES.index("pelvis")]] * len(weight))
+    builder.parts.append((mesh, bones, weight))
 
 
 def _backpack(builder: SkinBuilder, look: Look) -> None:
@@ -88,7 +81,7 @@ def _backpack(builder: SkinBuilder, look: Look) -> None:
             centre + by(0.06 * s, 0.10 * s * side, 0.16 * s), neck + by(-0.01, 0.11 * s * side, -0.02 * s),
             chest + by(0.125 * s, 0.105 * s * side, 0.06), chest + by(0.09 * s, 0.155 * s * side, -0.06),
         ]  # fmt: skip
-        builder.hung(_strip(look, strap, 0.016), "chest")
+        builder.hung(_strap(look, strap, 0.016), "chest")
 
 
 def _block(look: Look, centre: Array, size_m: tuple[float, float, float]) -> Mesh:
@@ -102,5 +95,5 @@ def _block(look: Look, centre: Array, size_m: tuple[float, float, float]) -> Mes
     return rings(look, np.array(grid), crease_deg=50.0)
 
 
-def _strip(look: Look, points: list[Array], radius_m: float = 0.012) -> Mesh:
+def _strap(look: Look, points: list[Array], radius_m: float = 0.012) -> Mesh:
     return tube(look, np.array(points), radius_m, 4)

@@ -72,15 +72,13 @@ class SkinBuilder:
 
     def finish(self) -> Skin:
         """All parts in one skin."""
+        meshes, bones, weights = zip(*self.parts, strict=True)
         return Skin(
-            mesh=merge([part[0] for part in self.parts]),
-            bones=np.concatenate([part[1] for part in self.parts]),
-            weight=np.concatenate([part[2] for part in self.parts]),
-            rest=self.rest,
+            mesh=merge(meshes), bones=np.concatenate(bones), weight=np.concatenate(weights), rest=self.rest
         )
 
     def look(self, colour: Colour, material: Material = Material.CLOTH) -> Look:
-        """What a part of this colour is made of."""
+        """Look of a part of this colour."""
         return Look(material, self.tag, colour)
 
     @property
@@ -90,18 +88,15 @@ class SkinBuilder:
 
     def hung(self, mesh: Mesh, bone: str) -> None:
         """Add a part that hangs on one bone."""
-        index = BONES.index(bone)
         count = len(mesh.vertices_m)
-        self.parts.append((mesh, np.full((count, 2), index), np.ones(count)))
+        self.parts.append((mesh, np.full((count, 2), BONES.index(bone)), np.ones(count)))
 
-    def loft(self, look: Look, levels: list[Level], *, sides: int = 10, caps: bool = True) -> None:
+    def loft(self, look: Look, levels: list[Level], *, sides: int, caps: bool = True) -> None:
         """Skin over elliptic level rings (centre, half depth, half width, bones), from the bottom up."""
         sides = max(4, sides // 2) if self.low else sides
         ring = np.insert(circle(sides, 0.5), 2, 0.0, axis=1)
-        grid = np.stack([np.asarray(c) + ring * (d, w, 0.0) for c, d, w, _ in levels])
-        mesh = rings(look, grid, caps=caps, crease_deg=80.0)
-        heights = np.array([np.asarray(c)[2] for c, *_ in levels])
-        self._hang(mesh, heights, [level[3] for level in levels])
+        grid = np.stack([c + ring * (d, w, 0.0) for c, d, w, _ in levels])
+        self._hang(rings(look, grid, caps=caps, crease_deg=80.0), levels)
 
     def torso(self) -> None:
         """Hips in the lower clothes, waist to neck in the upper ones."""
@@ -129,29 +124,25 @@ class SkinBuilder:
         ]
         self.loft(self.look(b.upper), levels, sides=14)
         if b.inner is not None and not self.low:
-            self._shirt_front(levels)
+            self._shirt_front(self.look(b.inner), levels)
 
-    def _shirt_front(self, levels: list[Level]) -> None:
+    def _shirt_front(self, look: Look, levels: list[Level]) -> None:
         """Strip of another colour down the front between the halves of an open jacket."""
-        grid, hang = [], []
-        for (centre, depth, width, hangs), half in zip(
-            levels, (0.05, 0.055, 0.06, 0.06, 0.05, 0.04, 0.03), strict=True
-        ):
+        grid = []
+        halves = (0.05, 0.055, 0.06, 0.06, 0.05, 0.04, 0.03)
+        for (centre, depth, width, _), half in zip(levels, halves, strict=True):
             y = np.array([-half, -0.4 * half, 0.4 * half, half]) * self.size
             x = depth * np.sqrt(np.maximum(1 - (y / width) ** 2, 0.0)) + 0.004
             grid.append(np.stack([centre[0] + x, y, np.full(4, centre[2])], axis=-1))
-            hang.append(hangs)
-        flat = np.array(grid)
-        assert self.build.inner is not None
         triangles = grid_triangles(len(levels), 4)
-        mesh = surface(self.look(self.build.inner), flat.reshape(-1, 3), triangles, crease_deg=80.0)
-        self._hang(mesh, flat[:, 0, 2], hang)
+        self._hang(surface(look, np.concatenate(grid), triangles, crease_deg=80.0), levels)
 
-    def _hang(self, mesh: Mesh, heights: Array, hang: list[Hang]) -> None:
+    def _hang(self, mesh: Mesh, levels: list[Level]) -> None:
         """Add a part whose vertices hang on the bones of the level that is nearest in height."""
-        row = np.argmin(np.abs(mesh.vertices_m[:, 2:] - heights[None]), axis=1)
-        bones = np.array([[BONES.index(first), BONES.index(second)] for first, second, _ in hang])
-        self.parts.append((mesh, bones[row], np.array([weight for *_, weight in hang])[row]))
+        heights = np.array([centre[2] for centre, *_ in levels])
+        row = np.argmin(np.abs(mesh.vertices_m[:, 2:] - heights), axis=1)
+        bones = np.array([[BONES.index(name) for name in hang[:2]] for *_, hang in levels])
+        self.parts.append((mesh, bones[row], np.array([hang[2] for *_, hang in levels])[row]))
 
     def leg(self, side: str) -> None:
         """Leg and shoe of one side, ``_l`` or ``_r``."""
@@ -240,7 +231,7 @@ class SkinBuilder:
         self.hung(ellipsoid(skin, thumb, (0.013 * s, 0.013 * s, 0.034 * s), 4, 5), fore)
 
     @property
-    def k(self) -> float:
+    def head_size(self) -> float:
         """Size of the head: a man's is 1."""
         return 0.50 + 0.50 * self.build.stature_m / 1.75
 

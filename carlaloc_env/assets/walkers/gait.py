@@ -13,6 +13,7 @@ import numpy as np
 
 from carlaloc_env.assets.walkers.skeleton import Joints, shoe_sole
 from carlaloc_env.core import elementary
+from carlaloc_env.core.array_types import Array
 
 _CYCLE = np.arange(0.0, 1.0, 0.1)
 _HIP_DEG = np.array([25, 22, 14, 4, -5, -10, -2, 14, 26, 28], dtype=np.float64)
@@ -70,11 +71,9 @@ def _angles(phase: float, scale: float) -> tuple[float, float, float]:
         for table in (_HIP_DEG, _KNEE_DEG, _ANKLE_DEG)
     )
     knee = 4.0 + (knee - 4.0) * min(scale, 1.1)
-    return (
-        np.radians(scale * hip),
-        np.radians(knee if scale > 0 else 2.0),
-        np.radians(ankle * min(scale, 1.0)),
-    )
+    if scale <= 0:
+        knee = 2.0
+    return np.radians(scale * hip), np.radians(knee), np.radians(ankle * min(scale, 1.0))
 
 
 def _ankle_ahead(phase: float, stature_m: float, scale: float) -> float:
@@ -86,10 +85,8 @@ def _figure(phase: float, stature_m: float, scale: float, stoop_deg: float) -> J
     """Joints about a pelvis at height zero."""
     h, swing = stature_m, min(scale, 1.2)
     turn = 2 * np.pi * phase
-    pelvis_yaw, trunk_yaw = (
-        np.radians(5) * swing * -elementary.cos(turn),
-        np.radians(6) * swing * elementary.cos(turn),
-    )
+    pelvis_yaw = np.radians(5) * swing * -elementary.cos(turn)
+    trunk_yaw = np.radians(6) * swing * elementary.cos(turn)
     sway = 0.02 * swing * elementary.sin(turn)
     lean = elementary.sin(np.radians(stoop_deg))
     joints: Joints = {"pelvis": np.array([0.0, sway, 0.0])}
@@ -105,25 +102,13 @@ def _figure(phase: float, stature_m: float, scale: float, stoop_deg: float) -> J
 def _leg(joints: Joints, side: str, sign: float, phase: float, h: float, scale: float, yaw: float) -> None:
     hip, knee, ankle = _angles(phase, scale)
     half = 0.5 * HIP_WIDTH * h * sign
-    joints["hip" + side] = joints["pelvis"] + (
-        -half * elementary.sin(yaw),
-        half * elementary.cos(yaw),
-        -0.02 * h,
-    )
-    # Hips turn with the pelvis, but the ankle's distance ahead is measured from the pelvis.
-    joints["knee" + side] = joints["hip" + side] + THIGH * h * np.array(
-        [elementary.sin(hip), 0.0, -elementary.cos(hip)]
-    )
+    joints["hip" + side] = joints["pelvis"] + _turned(half, yaw, -0.02 * h)
+    joints["knee" + side] = joints["hip" + side] + THIGH * h * _swung(hip, 0.0)
     shin = hip - knee
-    level = np.array(
-        [
-            joints["pelvis"][0] + h * (THIGH * elementary.sin(hip) + SHANK * elementary.sin(shin)),
-            0.9 * half,
-            0.0,
-        ]
-    )
+    # Hips turn with the pelvis, but the ankle's distance ahead is measured from the pelvis.
+    ahead = joints["pelvis"][0] + h * (THIGH * elementary.sin(hip) + SHANK * elementary.sin(shin))
     below = joints["knee" + side][2] - SHANK * h * elementary.cos(shin)
-    joints["ankle" + side] = np.array([level[0], level[1], below])
+    joints["ankle" + side] = np.array([ahead, 0.9 * half, below])
     tilt = shin + ankle + np.radians(2.0) * (scale > 0)
     drop, length = FOOT_HEIGHT * h, 0.72 * FOOT_LENGTH * h
     joints["toe" + side] = joints["ankle" + side] + (
@@ -140,19 +125,21 @@ def _arm(
     forward = (-0.7 * (hip - np.radians(8.0))) * swing
     bend = np.radians(12 + 10 * swing) + np.radians(15.0) * max(0.0, elementary.sin(forward)) * 2
     half = 0.5 * SHOULDER_WIDTH * h * sign
-    joints["shoulder" + side] = joints["neck"] + (
-        -half * elementary.sin(yaw),
-        half * elementary.cos(yaw),
-        -0.028 * h,
+    joints["shoulder" + side] = joints["neck"] + _turned(half, yaw, -0.028 * h)
+    joints["elbow" + side] = joints["shoulder" + side] + UPPER_ARM * h * _swung(forward, 0.14 * sign)
+    joints["hand" + side] = joints["elbow" + side] + (FOREARM + HAND) * h * _swung(
+        forward + bend, 0.03 * sign
     )
-    outward = 0.14 * sign
-    joints["elbow" + side] = joints["shoulder" + side] + UPPER_ARM * h * np.array(
-        [elementary.sin(forward), outward, -elementary.cos(forward)]
-    )
-    angle = forward + bend
-    joints["hand" + side] = joints["elbow" + side] + (FOREARM + HAND) * h * np.array(
-        [elementary.sin(angle), 0.03 * sign, -elementary.cos(angle)]
-    )
+
+
+def _turned(half_m: float, yaw: float, up_m: float) -> Array:
+    """Offset of a hip or shoulder from the spine [m], turned with the trunk."""
+    return np.array([-half_m * elementary.sin(yaw), half_m * elementary.cos(yaw), up_m])
+
+
+def _swung(angle: float, outward: float) -> Array:
+    """Direction of a limb that swings ahead by an angle from hanging down."""
+    return np.array([elementary.sin(angle), outward, -elementary.cos(angle)])
 
 
 def _grounded(joints: Joints, shift_m: float) -> Joints:

@@ -10,11 +10,11 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 
 
-def head(builder: SkinBuilder) -> None:
-    """Neck, head, and what is on it."""
+def add_head(builder: SkinBuilder) -> None:
+    """Neck and head with hair, hat or helmet."""
     b, j = builder.build, builder.rest
     # Heads vary less than bodies: a child's is large for its size.
-    k = builder.k
+    k = builder.head_size
     skin, hair = builder.look(b.skin, Material.SKIN), builder.look(b.hair)
     neck, head = j["neck"], j["head"]
     n = 0.055 * math.sqrt(builder.size)
@@ -38,85 +38,60 @@ def head(builder: SkinBuilder) -> None:
     builder.loft(skin, rows, sides=12)
     if b.helmet is not None:
         shell = builder.look(b.helmet, Material.PLASTIC)
-        builder.hung(ellipsoid(shell, head + by(-0.012, 0, 0.035), (0.128, 0.108, 0.122), 6, 10), "head")
+        _bulge(builder, shell, head + by(-0.012, 0, 0.035), (0.128, 0.108, 0.122), 6, 10)
         return
     if not b.bald:
         _hair(builder, hair, head)
     if b.hat is not None:
         cloth = builder.look(b.hat)
-        n_rings, sides = (3, 6) if builder.low else (5, 12)
-        crown = ellipsoid(
-            cloth, head + by(-0.010 * k, 0, 0.068 * k), (0.112 * k, 0.090 * k, 0.072 * k), n_rings, sides
-        )
-        brim = ellipsoid(cloth, head + by(0.055 * k, 0, 0.058 * k), (0.115 * k, 0.075 * k, 0.012), 3, sides)
-        builder.hung(crown, "head")
-        builder.hung(brim, "head")
+        count, sides = (3, 6) if builder.low else (5, 12)
+        crown, brim = (0.112 * k, 0.090 * k, 0.072 * k), (0.115 * k, 0.075 * k, 0.012)
+        _bulge(builder, cloth, head + by(-0.010 * k, 0, 0.068 * k), crown, count, sides)
+        _bulge(builder, cloth, head + by(0.055 * k, 0, 0.058 * k), brim, 3, sides)
 
 
-def face(builder: SkinBuilder) -> None:
+def add_face(builder: SkinBuilder) -> None:
     """Eyes, brows, nose, mouth and ears."""
-    b, k, head = builder.build, builder.k, builder.rest["head"]
+    b, k, head = builder.build, builder.head_size, builder.rest["head"]
     if b.helmet is not None and b.helmet[0] == b.helmet[1] == 0:
         return
-    skin = builder.look(b.skin, Material.SKIN)
+    skin, hair = builder.look(b.skin, Material.SKIN), builder.look(b.hair)
     shade = (int(0.62 * b.skin[0]), int(0.42 * b.skin[1]), int(0.40 * b.skin[2]))
-    nose = ellipsoid(skin, head + by(0.098 * k, 0, -0.030 * k), (0.020 * k, 0.013 * k, 0.026 * k), 4, 6)
-    builder.hung(nose, "head")
-    mouth = ellipsoid(
-        builder.look(shade, Material.SKIN),
-        head + by(0.087 * k, 0, -0.074 * k),
-        (0.010 * k, 0.024 * k, 0.006 * k),
-        3,
-        6,
-    )
-    builder.hung(mouth, "head")
+    lips = builder.look(shade, Material.SKIN)
+    white, iris = (builder.look(tint, Material.PLASTIC) for tint in ((190, 186, 180), (14, 10, 8)))
+
+    def bulge(look: Look, centre: Array, radii: tuple[float, float, float], count: int, sides: int) -> None:
+        x, y, z = radii
+        _bulge(builder, look, centre, (x * k, y * k, z * k), count, sides)
+
+    bulge(skin, head + by(0.098 * k, 0, -0.030 * k), (0.020, 0.013, 0.026), 4, 6)
+    bulge(lips, head + by(0.087 * k, 0, -0.074 * k), (0.010, 0.024, 0.006), 3, 6)
     for side in (1.0, -1.0):
         eye = head + by(0.088 * k, 0.030 * k * side, 0.006 * k)
-        white = builder.look((190, 186, 180), Material.PLASTIC)
-        builder.hung(ellipsoid(white, eye, (0.008 * k, 0.014 * k, 0.008 * k), 3, 6), "head")
-        iris = builder.look((14, 10, 8), Material.PLASTIC)
-        builder.hung(
-            ellipsoid(iris, eye + by(0.006 * k, 0, 0), (0.004 * k, 0.006 * k, 0.0065 * k), 3, 5), "head"
-        )
-        brow = ellipsoid(
-            builder.look(b.hair),
-            eye + by(0.002 * k, 0.003 * side, 0.022 * k),
-            (0.010 * k, 0.020 * k, 0.005 * k),
-            3,
-            5,
-        )
-        builder.hung(brow, "head")
-        ear = ellipsoid(
-            skin, head + by(-0.008 * k, 0.076 * k * side, -0.008 * k), (0.018 * k, 0.010 * k, 0.030 * k), 4, 6
-        )
-        builder.hung(ear, "head")
+        bulge(white, eye, (0.008, 0.014, 0.008), 3, 6)
+        bulge(iris, eye + by(0.006 * k, 0, 0), (0.004, 0.006, 0.0065), 3, 5)
+        bulge(hair, eye + by(0.002 * k, 0.003 * side, 0.022 * k), (0.010, 0.020, 0.005), 3, 5)
+        bulge(skin, head + by(-0.008 * k, 0.076 * k * side, -0.008 * k), (0.018, 0.010, 0.030), 4, 6)
     if b.beard:
-        beard = ellipsoid(
-            builder.look(b.hair),
-            head + by(0.040 * k, 0, -0.085 * k),
-            (0.060 * k, 0.058 * k, 0.040 * k),
-            5,
-            10,
-        )
-        builder.hung(beard, "head")
+        bulge(hair, head + by(0.040 * k, 0, -0.085 * k), (0.060, 0.058, 0.040), 5, 10)
 
 
 def _hair(builder: SkinBuilder, look: Look, head: Array) -> None:
     """Cap of hair that leaves the face free, and long hair down the neck."""
-    k = builder.k
+    k = builder.head_size
     count, sides = (4, 6) if builder.low else (6, 12)
-    cap = ellipsoid(
-        look, head + by(-0.016 * k, 0, 0.041 * k), (0.108 * k, 0.086 * k, 0.085 * k), count, sides
-    )
     if not builder.low:
-        # Temples and neck.
-        builder.hung(
-            ellipsoid(look, head + by(-0.040 * k, 0, 0.005 * k), (0.072 * k, 0.084 * k, 0.090 * k), 5, 10),
-            "head",
-        )
-    builder.hung(cap, "head")
+        temples = (0.072 * k, 0.084 * k, 0.090 * k)
+        _bulge(builder, look, head + by(-0.040 * k, 0, 0.005 * k), temples, 5, 10)
+    cap = (0.108 * k, 0.086 * k, 0.085 * k)
+    _bulge(builder, look, head + by(-0.016 * k, 0, 0.041 * k), cap, count, sides)
     if builder.build.long_hair:
-        back = ellipsoid(
-            look, head + by(-0.062 * k, 0, -0.075 * k), (0.052 * k, 0.086 * k, 0.150 * k), count, sides - 2
-        )
-        builder.hung(back, "head")
+        back = (0.052 * k, 0.086 * k, 0.150 * k)
+        _bulge(builder, look, head + by(-0.062 * k, 0, -0.075 * k), back, count, sides - 2)
+
+
+def _bulge(
+    builder: SkinBuilder, look: Look, centre: Array, radii: tuple[float, float, float], count: int, sides: int
+) -> None:
+    """Add an ellipsoid to the head: middle and radii [m], rings and corners of each."""
+    builder.hung(ellipsoid(look, centre, radii, count, sides), "head")

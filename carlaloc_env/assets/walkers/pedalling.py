@@ -28,8 +28,7 @@ def pedal_at(bottom_bracket_m: tuple[float, float, float], side: str, turn: floa
     """Middle of a pedal [m], shape (3,)."""
     angle, sign = crank_angle(side, turn), 1.0 if side == "_l" else -1.0
     swing = np.array([-CRANK_M * elementary.sin(angle), AXLE_M * sign, -CRANK_M * elementary.cos(angle)])
-    result: Array = np.array(bottom_bracket_m) + swing
-    return result
+    return np.asarray(bottom_bracket_m + swing)
 
 
 def cranks(metal: Look, dark: Look, bottom_bracket_m: tuple[float, float, float], turn: float) -> list[Mesh]:
@@ -39,10 +38,7 @@ def cranks(metal: Look, dark: Look, bottom_bracket_m: tuple[float, float, float]
         pedal = pedal_at(bottom_bracket_m, side, turn)
         hub = np.array(bottom_bracket_m) + np.array([0.0, TREAD_M * sign, 0.0])
         end = pedal - (0.0, (AXLE_M - TREAD_M) * sign, 0.0)
-        parts += [
-            tube(metal, [tuple(hub), tuple(end)], 0.012, 4),
-            box(dark, (0.09, 0.10, 0.025), tuple(pedal)),
-        ]
+        parts += [tube(metal, [hub, end], 0.012, 4), box(dark, (0.09, 0.10, 0.025), pedal)]
     return parts
 
 

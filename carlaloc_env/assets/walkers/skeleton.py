@@ -98,10 +98,8 @@ def _frame(joints: Joints, bone: str) -> tuple[Array, Array, Array]:
         return np.stack([ahead, left, cross(ahead, left)], axis=2), a, length
     if kind == "head":
         # The head keeps looking ahead, level, whatever the trunk does.
-        left, along = (
-            left + np.array([0.0, np.sqrt(np.sum(left[0] ** 2)), 0.0]),
-            np.broadcast_to(upright, a.shape),
-        )
+        left = left + np.array([0.0, np.sqrt(np.sum(left[0] ** 2)), 0.0])
+        along = np.broadcast_to(upright, a.shape)
     up = _unit(along) * (-1.0 if kind in ("arm", "fore", "thigh", "shank") else 1.0)
     left = _unit(left - np.sum(left * up, axis=1, keepdims=True) * up)
     return np.stack([cross(left, up), left, up], axis=2), a, length
@@ -122,10 +120,9 @@ def shoe_sole(ankle: ArrayLike, toe: ArrayLike) -> tuple[Array, Array, Array]:
     # The line from ankle to toe tip falls by `tilt` against the sole.
     down = np.concatenate([flat * ahead[..., 2:], -level], axis=-1)
     height = 0.34 * length
-    sole_tip = t
     back = np.sqrt(np.maximum(length**2 - height**2, 1e-9))
     sole = (back * ahead - height * down) / length
-    foot_point = sole_tip - sole * back
+    foot_point = t - sole * back
     heel = foot_point - 0.42 * sole * length
     ball = foot_point + 0.62 * sole * back
-    return heel, ball, sole_tip
+    return heel, ball, t

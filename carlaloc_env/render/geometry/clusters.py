@@ -47,7 +47,7 @@ def cut(mesh: Mesh, group: Index) -> Clusters:
         mesh: All triangles.
         group: Triangles of different groups share no cluster, shape (T,).
     """
-    low, high = _boxes(mesh)
+    low, high = _triangle_boxes(mesh)
     size = np.searchsorted(SIZES_M, _longest(high - low))
     kind = group * (len(SIZES_M) + 1) + size
     place = _along_curve(_within_group((low + high) / 2, group))
@@ -67,7 +67,7 @@ def cut(mesh: Mesh, group: Index) -> Clusters:
     )
 
 
-def _boxes(mesh: Mesh) -> tuple[F32, F32]:
+def _triangle_boxes(mesh: Mesh) -> tuple[F32, F32]:
     """Lowest and highest corners of boxes round triangles [m], shape (T, 3) each."""
     low = np.take(mesh.vertices_m, mesh.triangles[:, 0], axis=0)
     high = low.copy()

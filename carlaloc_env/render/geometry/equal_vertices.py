@@ -24,7 +24,7 @@ def without_doubles(vertices: NDArray[np.void], triangles: U32) -> tuple[NDArray
     """
     words = vertices.view(np.uint32).reshape(len(vertices), vertices.itemsize // 4)
     number, kept = np.empty(len(vertices), np.uint32), np.empty(len(vertices), np.uint32)
-    # Half of a hash table stays empty, so that most looks into it are the only one. It goes at once.
+    # Half of a hash table stays empty, so that most searches end at once. It is freed right after.
     count = _number(words, np.zeros(1 << (2 * len(vertices)).bit_length(), np.uint32), number, kept)
     return vertices[kept[:count]], np.take(number, triangles)
 

@@ -15,7 +15,7 @@ from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.scene.semantic_tags import Tag
 
-_T = TypeVar("_T", np.float32, np.uint32)
+_T = TypeVar("_T", np.float32, np.uint32, np.uint16)
 """Type of the samples of one texture."""
 
 
@@ -98,7 +98,7 @@ class Targets:
 
 
 class GBuffer:
-    """What one camera saw at one instant; stays valid until it is dropped or the renderer closed."""
+    """Picture of one camera at one instant; stays valid until it is dropped or the renderer closed."""
 
     def __init__(
         self,
@@ -113,7 +113,7 @@ class GBuffer:
         self.drawn = drawn
         """Samples as drawn: ids and depth come from here."""
         self.shaded = shaded
-        """What shading reads: the same, or the samples resolved to one per pixel."""
+        """Samples that shading reads: the same, or resolved to one per pixel."""
         self.actors = actors
         """Instances that were drawn; their shadows depend on the sun of each weather."""
         self._context = context
@@ -130,24 +130,18 @@ class GBuffer:
         """Planar depth along the optical axis at pixel centres [m], 0 = sky, shape (H, W)."""
         if self.shaded is self.drawn:
             return self.shaded_depth_m().copy()
-        with self._context:
-            data = self.drawn.depth.read()
-        return self._centred(np.frombuffer(data, dtype=np.float32))
+        return self._centred(self._read(self.drawn.depth, np.float32))
 
     def shaded_depth_m(self) -> NDArray[np.float32]:
         """Planar depth of what is shaded [m], 0 = sky, shape (H, W), read-only; read back once."""
         if self._depth_m is None:
-            with self._context:
-                data = self.shaded.depth.read()
-            self._depth_m = np.frombuffer(data, dtype=np.float32).reshape(self._shape)
+            self._depth_m = self._read(self.shaded.depth, np.float32).reshape(self._shape)
         return self._depth_m
 
     def shaded_normal_codes(self) -> NDArray[np.uint16]:
         """Octahedral world normals of what is shaded, shape (H, W, 2), read-only; read back once."""
         if self._normal_codes is None:
-            with self._context:
-                data = self.shaded.normal.read()
-            self._normal_codes = np.frombuffer(data, dtype=np.uint16).reshape(*self._shape, 2)
+            self._normal_codes = self._read(self.shaded.normal, np.uint16).reshape(*self._shape, 2)
         return self._normal_codes
 
     @property
@@ -157,9 +151,7 @@ class GBuffer:
     def labels(self) -> tuple[NDArray[np.uint8], NDArray[np.uint32]]:
         """Semantic `Tag` and instance id (0 = none) at pixel centres, both of shape (H, W)."""
         assert self.drawn.id is not None
-        with self._context:
-            data = self.drawn.id.read()
-        code = self._centred(np.frombuffer(data, dtype="<u4"))
+        code = self._centred(self._read(self.drawn.id, np.uint32))
         # The tag is the last byte, the only one that the sky's code changes.
         tag = code.view(np.uint8)[:, 3::4] ^ np.uint8(Tag.SKY)
         return tag, code & np.uint32(0xFFFFFF)
@@ -167,26 +159,21 @@ class GBuffer:
     def samples(self) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         """Depth [m] and instance id of all samples as drawn, both of the shape of the drawn grid.
 
-        They are kept, so that they can be asked for again while the graphics are at work on something else.
+        They are kept, so that they can be read again while the graphics are busy.
         """
         if self._samples is not None:
             return self._samples
         assert self.drawn.id is not None
-        width, height = self.view.size_px
-        with self._context:
-            depth, code = self.drawn.depth.read(), self.drawn.id.read()
-        depth_m = np.frombuffer(depth, dtype=np.float32).reshape(height, width)
-        instance = np.frombuffer(code, dtype=np.uint32) & np.uint32(0xFFFFFF)
-        self._samples = depth_m, instance.reshape(height, width)
+        shape = self.view.size_px[::-1]
+        instance = self._read(self.drawn.id, np.uint32) & np.uint32(0xFFFFFF)
+        self._samples = self._read(self.drawn.depth, np.float32).reshape(shape), instance.reshape(shape)
         return self._samples
 
     def normals(self) -> NDArray[np.float32]:
         """Unit shading normals at pixel centres in the optical frame, zero for the sky, shape (H, W, 3)."""
-        with self._context:
-            data = self.drawn.normal.read()
         width, height = self.view.size_px
         step = self.view.subsamples
-        code = np.frombuffer(data, dtype=np.uint16).reshape(height, width, 2)[::step, ::step]
+        code = self._read(self.drawn.normal, np.uint16).reshape(height, width, 2)[::step, ::step]
         p = code.astype(np.float32) * np.float32(2 / 65535) - np.float32(1)
         n = np.empty((*p.shape[:2], 3), np.float32)
         n[..., 2] = np.float32(1) - np.abs(p[..., 0]) - np.abs(p[..., 1])
@@ -198,6 +185,10 @@ class GBuffer:
         turned = np.stack([np.sum(n * R[axis], axis=2) for axis in range(3)], axis=2)
         turned[self.depth_m() == 0] = 0
         return turned
+
+    def _read(self, texture: moderngl.Texture, dtype: type[_T]) -> NDArray[_T]:
+        with self._context:
+            return np.frombuffer(texture.read(), dtype=dtype)
 
     def _centred(self, samples: NDArray[_T]) -> NDArray[_T]:
         width, height = self.view.size_px
@@ -218,7 +209,7 @@ class TargetPool:
         self._all: list[Targets] = []
 
     def take(self, size_px: tuple[int, int], *, resolved: bool = False, smooth: bool = False) -> Targets:
-        """Textures of a size that nobody uses; one renderer reads all unresolved ones alike."""
+        """Unused textures of a size; one renderer reads all unresolved ones alike."""
         free = self._free.setdefault((*size_px, resolved), [])
         if free:
             return free.pop()

@@ -20,13 +20,13 @@ from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.packed_meshes import packed_models
 from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
 from carlaloc_env.render.geometry.simple_vehicles import SIMPLE_FROM_M, Distant
-from carlaloc_env.render.geometry.static_scene import LEVEL_FROM, StaticScene
+from carlaloc_env.render.geometry.static_scene import LEVEL_FROM, StaticScene, mesh_boxes
 from carlaloc_env.render.gl.context import Programs, is_software, set_uniforms
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 
 NEAR_ROUND_M = 25.0
-"""All that is nearer is drawn before large walls and roads, so that these are not shaded behind it [m]."""
+"""Nearer things are drawn before large walls and roads, so that these are not shaded behind them [m]."""
 MIDDLE_ROUND_M = 60.0
 """Bound between the two last rounds, in which only what is not hidden by then is drawn [m]."""
 LEAST_PX = 3.0
@@ -40,13 +40,19 @@ LARGE_M = 120.0
 DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M))
 """Clip depth = first · z + second."""
 
+_SHADED_BY_NAME = (
+    Material.CAR_PAINT, Material.CLOTH, Material.LEAF, Material.CURTAIN_WALL, Material.CROP, Material.GRASS,
+    Material.RUBBLE,
+)  # fmt: skip
+"""Materials that ``gbuffer.vert`` and ``gbuffer.frag`` name."""
+
 Sway = tuple[float, float, float, float]
-"""Farthest way of leaves to leeward [m] (3), and time [s]."""
+"""Greatest displacement of leaves by the wind [m] (3), and time [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Round:
-    """What is drawn of the scene in one go."""
+    """Part of the scene that is drawn at once."""
 
     clusters: Index
     """Clusters of scenery, nearest first."""
@@ -58,14 +64,14 @@ class Round:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """What will be drawn of the scene, from near to far in rounds."""
+    """Rounds in which the scene will be drawn, from near to far."""
 
     view: CameraView
     """Camera."""
     instances: Instances
     """Movable models."""
     rounds: list[Round]
-    """What of them and of the scenery is drawn when."""
+    """Parts of models and scenery, in the order of drawing."""
 
 
 class GeometryPass:
@@ -100,13 +106,8 @@ class GeometryPass:
         self._distant = Distant(library) if live else None
         self._least_px = LEAST_PX if live else 0.0
         self._poses = InstanceBuffer(context, len(library))
-        reach = [
-            np.sqrt(np.max(sum(axis.astype(np.float64) ** 2 for axis in mesh.vertices_m.T), initial=0.0))
-            for mesh in library.meshes
-        ]
-        self._radius_m = np.array(reach, dtype=np.float64)
-        bounds = [mesh.bounds_m if len(mesh.vertices_m) else np.zeros((2, 3)) for mesh in library.meshes]
-        self._low_m, self._high_m = np.moveaxis(np.array(bounds, np.float64).reshape(-1, 2, 3), 1, 0)
+        self._radius_m = np.array([_reach_m(mesh) for mesh in library.meshes], dtype=np.float64)
+        self._low_m, self._high_m = mesh_boxes(library.meshes)
         self._textures = upload_textures(programs, albedo, trilinear=not is_software(context))
         give_back_mapped_pages(albedo)
         self._surface = surface_table()
@@ -125,13 +126,13 @@ class GeometryPass:
         return instances if self._distant is None else self._distant.of(instances, True)
 
     def plan(self, view: CameraView, instances: Instances, known: Depths | None = None) -> Plan:
-        """What will be drawn; nothing is drawn yet.
+        """Choose and order the parts to draw; nothing is drawn yet.
 
         Args:
             view: Camera.
             instances: Movable models.
-            known: What hides, if that is known before anything is drawn; found out by reading back
-                what has been drawn so far when left out.
+            known: Depths that hide other things, if they are known before anything is drawn; read back from
+                the half-drawn picture when left out.
         """
         found, away = self.scenery.in_view(view, farther=self._farther(view))
         seen = self._visible_instances(view, instances)
@@ -142,35 +143,31 @@ class GeometryPass:
         table = self.scenery.clusters
         large, culled = table.large[found], table.culled[found]
         if known is not None:
-            # With nothing to be learnt from what is drawn already there is one round of the rest.
+            # Depths are known already: one round is enough for the rest.
             first = np.where(large, away < LARGE_M, culled & (away < NEAR_ROUND_M))
             none = np.zeros(0, np.intp)
             rounds = [
                 Round(clusters=found[first], instances=none, looks=False),
                 Round(clusters=found[~first], instances=seen, looks=False),
             ]
-            return Plan(view=view, instances=instances, rounds=rounds)
-        if self._live and np.prod(view.size_px) < LOOKS_FROM_PX:
-            return Plan(
-                view=view,
-                instances=instances,
-                rounds=[Round(clusters=found, instances=seen, looks=False)],
-            )
-        turn = np.where(large & (away < LARGE_M), 1, _turn(away))
-        later = _turn(distance_m(instances, view)[seen])
-        rounds = [
-            Round(clusters=found[turn == now], instances=seen[later == now], looks=now > 1)
-            for now in range(4)
-        ]
+        elif self._live and np.prod(view.size_px) < LOOKS_FROM_PX:
+            rounds = [Round(clusters=found, instances=seen, looks=False)]
+        else:
+            turn = np.where(large & (away < LARGE_M), 1, _turn(away))
+            later = _turn(distance_m(instances, view)[seen])
+            rounds = [
+                Round(clusters=found[turn == now], instances=seen[later == now], looks=now > 1)
+                for now in range(4)
+            ]
         return Plan(view=view, instances=instances, rounds=rounds)
 
     def fill(self, plan: Plan, targets: Targets, sway: Sway) -> None:
         """Draw what has been planned.
 
         Args:
-            plan: What.
-            targets: What to draw into; cleared before.
-            sway: Farthest way of leaves to leeward [m] (3), and time [s].
+            plan: Parts to draw.
+            targets: Textures to draw into; cleared before.
+            sway: Greatest displacement of leaves by the wind [m] (3), and time [s].
         """
         context = self._context
         targets.framebuffer.use()
@@ -216,7 +213,7 @@ class GeometryPass:
         return Casters(library=self._library, poses=self._poses, instances=instances, radius_m=self._radius_m)
 
     def wake(self) -> None:
-        """Let a software driver work on what it has been told so far while it is told the rest.
+        """Let a software driver begin with the commands so far while the others follow.
 
         llvmpipe gathers triangles until the framebuffer changes, and only then wakes its threads.
         """
@@ -289,14 +286,8 @@ class GeometryPass:
         """A program with what is the same in every picture."""
         defines = (
             f"MATERIALS {len(self._surface)}",
-            f"CAR_PAINT {int(Material.CAR_PAINT)}u",
-            f"CLOTH {int(Material.CLOTH)}u",
+            *(f"{material.name} {int(material)}u" for material in _SHADED_BY_NAME),
             f"SKY_ID {SKY_ID}u",
-            f"LEAF {int(Material.LEAF)}u",
-            f"CURTAIN_WALL {int(Material.CURTAIN_WALL)}u",
-            f"CROP {int(Material.CROP)}u",
-            f"GRASS {int(Material.GRASS)}u",
-            f"RUBBLE {int(Material.RUBBLE)}u",
             f"UNIT_M {float(self._unit_m)}",
             f"LEVEL_FROM {LEVEL_FROM}",
         )
@@ -320,6 +311,12 @@ class GeometryPass:
         target = self._flush_target
         for part in (target, *target.color_attachments, target.depth_attachment):
             part.release()
+
+
+def _reach_m(mesh: Mesh) -> float:
+    """Distance of a mesh's farthest vertex from its origin [m]."""
+    squares = sum(axis.astype(np.float64) ** 2 for axis in mesh.vertices_m.T)
+    return float(np.sqrt(np.max(squares, initial=0.0)))
 
 
 def _turn(away_m: Array) -> Index:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.geometry.transforms import cross
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.mesh import Mesh, face_vectors, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 
@@ -24,7 +23,7 @@ class Coarseness:
     any_m2: float = 0.0
     """Any triangles of less area are left out [m²]; in a wall this leaves holes of that size."""
     leaf_stride: int
-    """One leaf of so many is kept, enlarged to the same total area."""
+    """Every n-th leaf is kept, enlarged to the same total area."""
     edge_m: float = 0.0
     """Corners that lie in one cell of this size become one [m]; 0 = none do."""
     ground_m: float = 0.0
@@ -60,17 +59,17 @@ _LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Mate
 
 def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
     """The same from afar: fewer and larger leaves, and no crumbs."""
-    area_m2 = 0.5 * np.sqrt(np.sum(_across(mesh.vertices_m, mesh.triangles) ** 2, axis=1))
+    area_m2 = 0.5 * np.sqrt(np.sum(face_vectors(mesh.vertices_m, mesh.triangles) ** 2, axis=1))
     material = mesh.material[mesh.triangles[:, 2]]
     leaf = material == Material.LEAF
     crumb = area_m2 < np.where(np.isin(material, _LOOSE), how.crumb_m2, how.any_m2)
     chosen = np.cumsum(leaf) % how.leaf_stride == 0
     leaves = part(mesh, leaf & chosen)
-    own = leaves.vertices_m[leaves.triangles]
-    centre = own.mean(axis=1, keepdims=True)
+    corners = leaves.vertices_m[leaves.triangles]
+    centre = corners.mean(axis=1, keepdims=True)
     flat = leaves.triangles.reshape(-1)
     apart = leaves.taking(flat, np.arange(len(flat), dtype=np.uint32).reshape(-1, 3))
-    larger = centre + np.sqrt(how.leaf_stride) * (own - centre)
+    larger = centre + np.sqrt(how.leaf_stride) * (corners - centre)
     grown = replace(apart, vertices_m=larger.reshape(-1, 3).astype(np.float32))
     rest = part(mesh, ~leaf & ~crumb)
     return merge([rest if how.edge_m == 0.0 else gathered(rest, how), grown])
@@ -82,8 +81,8 @@ def gathered(mesh: Mesh, how: Coarseness) -> Mesh:
     What is thinner than a cell vanishes. Corners where materials meet are moved to before others, so
     that borders stay where they are. Loose parts and paint, which would vanish entirely, stay as they are.
     """
-    own = mesh.triangles[:, 2]
-    still = np.isin(mesh.material[own], _LOOSE) | (mesh.tag[own] == Tag.ROAD_LINE)
+    corner = mesh.triangles[:, 2]
+    still = np.isin(mesh.material[corner], _LOOSE) | (mesh.tag[corner] == Tag.ROAD_LINE)
     moving = part(mesh, ~still)
     if not len(moving.triangles):
         return mesh
@@ -104,7 +103,9 @@ def gathered(mesh: Mesh, how: Coarseness) -> Mesh:
     a, b, c = corners.T
     left = (a != b) & (b != c) & (c != a)
     # A triangle that was turned over would show its back.
-    left &= np.sum(_across(place, moving.triangles) * _across(moved, moving.triangles), axis=1) > 0.0
+    left &= (
+        np.sum(face_vectors(place, moving.triangles) * face_vectors(moved, moving.triangles), axis=1) > 0.0
+    )
     return merge([part(replace(moving, vertices_m=moved.astype(np.float32)), left), part(mesh, still)])
 
 
@@ -120,12 +121,6 @@ def _where_materials_meet(mesh: Mesh) -> NDArray[np.bool_]:
     at = at.reshape(-1)
     pairs = np.unique(at * 256 + mesh.material)
     return np.bincount(pairs // 256, minlength=at.max() + 1)[at] > 1
-
-
-def _across(place_m: NDArray[np.floating], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """Vectors across triangles of twice their area, shape (T, 3)."""
-    a, b, c = (np.take(place_m, triangles[:, i], axis=0) for i in range(3))
-    return np.asarray(cross(b - a, c - a))
 
 
 def part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:

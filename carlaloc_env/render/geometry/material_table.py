@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.render.gl.context import Programs
 from carlaloc_env.render.textures.block_patterns import BLOCK_PATTERNS
-from carlaloc_env.scene import materials
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, material_values
 
 _LIT_AT_NIGHT = (Material.LAMP_WHITE, Material.LAMP_TAIL)
 """Lamps that are off by day; signals and brake lights are lit whenever they are drawn."""
@@ -20,18 +19,12 @@ LOG_SCALE = 16.0
 
 def surface_table() -> NDArray[np.float32]:
     """Roughness, porosity, light by day and night, light at night of every material, (M, 4)."""
-    emission = np.log2(1.0 + materials.table("emission_cd_m2")) / LOG_SCALE
+    emission = np.log2(1.0 + material_values("emission_cd_m2")) / LOG_SCALE
     by_night = np.zeros(len(Material), dtype=bool)
     by_night[list(_LIT_AT_NIGHT)] = True
-    return np.stack(
-        [
-            materials.table("roughness"),
-            materials.table("porosity"),
-            np.where(by_night, 0.0, emission),
-            np.where(by_night, emission, 0.0),
-        ],
-        axis=-1,
-    ).astype(np.float32)
+    light = np.where(by_night, 0.0, emission), np.where(by_night, emission, 0.0)
+    surface = [material_values("roughness"), material_values("porosity"), *light]
+    return np.stack(surface, axis=-1).astype(np.float32)
 
 
 def block_tables() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -80,10 +73,8 @@ def upload_textures(
             program.run(-(-max(width >> level, 1) // 8), -(-max(height >> level, 1) // 8))
     context.memory_barrier()
     linear.release()
-    array.filter = (
-        moderngl.LINEAR_MIPMAP_LINEAR if trilinear else moderngl.LINEAR_MIPMAP_NEAREST,
-        moderngl.LINEAR,
-    )
+    between = moderngl.LINEAR_MIPMAP_LINEAR if trilinear else moderngl.LINEAR_MIPMAP_NEAREST
+    array.filter = (between, moderngl.LINEAR)
     if trilinear:
         array.anisotropy = 8.0
     return array

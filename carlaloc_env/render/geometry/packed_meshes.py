@@ -11,12 +11,10 @@ from carlaloc_env.core.array_types import F32, U32
 from carlaloc_env.core.files.array_cache import Arrays, arrays_hash, cached
 from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES, read_only
 from carlaloc_env.core.freed_memory import give_back_mapped_pages
-from carlaloc_env.core.geometry.transforms import cross
 from carlaloc_env.render.geometry.equal_vertices import without_doubles
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
-from carlaloc_env.scene import materials
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import VERTEX_FIELDS, Mesh
+from carlaloc_env.scene.materials import Material, material_values
+from carlaloc_env.scene.mesh import VERTEX_FIELDS, Mesh, face_vectors
 
 VERTEX = np.dtype(
     [
@@ -50,14 +48,13 @@ _OPEN_SHARE = 0.1
 """Share of a body's area that may be missing."""
 
 
-def pack_vertices(mesh: Mesh, out: NDArray[np.void] | None = None) -> NDArray[np.void]:
-    """Vertices of a mesh as `VERTEX` rows, shape (V,); in `out` where it is given."""
-    if out is None:
-        out = np.empty(len(mesh.vertices_m), dtype=VERTEX)
+def pack_vertices(mesh: Mesh) -> NDArray[np.void]:
+    """Vertices of a mesh as `VERTEX` rows, shape (V,)."""
+    out = np.empty(len(mesh.vertices_m), dtype=VERTEX)
     out["position"] = mesh.vertices_m
     out["normal"][:, :3] = mesh.normals
     out["normal"][:, 3] = lit_windows(mesh)
-    out["uv"] = mesh.uv_m / materials.table("tile_m")[mesh.material][:, None]
+    out["uv"] = mesh.uv_m / material_values("tile_m")[mesh.material][:, None]
     out["colour"] = mesh.colour
     out["material"] = mesh.material
     out["id"] = (mesh.tag.astype(np.uint32) << np.uint32(24)) | (mesh.instance & np.uint32(0xFFFFFF))
@@ -72,7 +69,7 @@ def _end_to_end(meshes: Iterable[Mesh]) -> tuple[NDArray[np.void], U32, NDArray[
         vertices.append(pack_vertices(mesh))
         triangles.append(mesh.triangles + np.uint32(begin))
         begin += len(mesh.vertices_m)
-    count = np.array([len(one) for one in triangles[1:]], np.int64)
+    count = np.array([len(part) for part in triangles[1:]], np.int64)
     return np.concatenate(vertices), np.concatenate(triangles), count
 
 
@@ -100,7 +97,7 @@ def packed(
     solid = seen_from_front(models=models)[vertices["material"][corners[:, 2]]]
     if models:
         ends = zip(np.cumsum(count), count, strict=True)
-        closed = [_is_closed(place_m, corners[end - own : end]) for end, own in ends]
+        closed = [_is_closed(place_m, corners[end - number : end]) for end, number in ends]
         solid &= np.repeat(np.array(closed, dtype=bool), count)
     return dict(zip(PACKED, (vertices.view(np.uint8), place_m, corners, count, solid), strict=True))
 
@@ -121,7 +118,7 @@ def kept(
         meshes: Meshes that they are made of.
         make: Makes them.
         module: Module that makes them.
-        content: What else they are made of.
+        content: Text of the other things that they depend on.
         kept_files: Files of this name that are kept.
     """
     fields = ("triangles", *VERTEX_FIELDS)
@@ -147,12 +144,7 @@ def kept(
 def packed_models(meshes: Sequence[Mesh]) -> Arrays:
     """The same of movable models, from the cache: every renderer begins with the same ones."""
     return kept(
-        "models",
-        meshes,
-        lambda: packed(meshes, models=True),
-        module=__name__,
-        content="",
-        kept_files=3,
+        "models", meshes, lambda: packed(meshes, models=True), module=__name__, content="", kept_files=3
     )
 
 
@@ -163,9 +155,8 @@ def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
     weather. The middle of a triangle's longest edge is the middle of its rectangle, for both halves.
     """
     code = np.zeros(len(mesh.vertices_m))
-    panes = mesh.triangles[
-        np.isin(mesh.material[mesh.triangles[:, 2]], (Material.WINDOW, Material.WINDOW_WIDE))
-    ]
+    material = mesh.material[mesh.triangles[:, 2]]
+    panes = mesh.triangles[np.isin(material, (Material.WINDOW, Material.WINDOW_WIDE))]
     a, b = mesh.vertices_m[panes], mesh.vertices_m[np.roll(panes, -1, axis=1)]
     longest = np.argmax(np.sum((a - b) ** 2, axis=2), axis=1)
     rows = np.arange(len(panes))
@@ -183,8 +174,7 @@ def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
 
 def _is_closed(vertices_m: F32, triangles: U32) -> bool:
     """Whether a body is closed: then the areas of its triangles (T, 3) add up to nothing."""
-    a, b, c = (np.take(vertices_m, triangles[:, k], axis=0) for k in range(3))
-    across = cross(b - a, c - a).astype(np.float64)
+    across = face_vectors(vertices_m, triangles).astype(np.float64)
     area = np.sum(np.sqrt(np.sum(across**2, axis=1)))
     return bool(np.sqrt(np.sum(np.sum(across, axis=0) ** 2)) < _OPEN_SHARE * area)
 

@@ -17,7 +17,7 @@ from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.packed_meshes import PACKED, kept, packed, seen_from_front
 from carlaloc_env.render.geometry.projection import CameraView
-from carlaloc_env.scene import materials
+from carlaloc_env.scene.materials import material_values
 from carlaloc_env.scene.mesh import Mesh, merge
 
 KEPT_FILES = 12
@@ -47,7 +47,7 @@ class Layer:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Table:
-    """What is known of clusters, parallel arrays."""
+    """Properties of clusters, parallel arrays."""
 
     low_m: Array
     """Lowest corners [m], shape (N, 3)."""
@@ -66,12 +66,7 @@ class _Table:
 class StaticScene:
     """Layers of one scene; their clusters are numbered through, layer by layer."""
 
-    def __init__(
-        self,
-        context: moderngl.Context,
-        chunks: Sequence[Mesh],
-        far: Sequence[Coarseness],
-    ) -> None:
+    def __init__(self, context: moderngl.Context, chunks: Sequence[Mesh], far: Sequence[Coarseness]) -> None:
         """Cut and upload.
 
         Args:
@@ -80,7 +75,7 @@ class StaticScene:
             far: Coarser levels, the nearest first.
         """
         chunks = [chunk for chunk in chunks if len(chunk.triangles)]
-        self._low_m, self._high_m = _boxes(chunks)
+        self._low_m, self._high_m = mesh_boxes(chunks)
         self._from_m = [how.from_m for how in far]
         made = kept(
             "scene",
@@ -118,11 +113,11 @@ class StaticScene:
     def in_view(self, view: CameraView, *, farther: float = 1.0) -> tuple[Index, Array]:
         """Clusters that may be seen, nearest first, and their distances [m].
 
-        The level of detail goes by the distance of the chunk, so that it has no seams inside.
+        The distance of the chunk decides its level of detail, so that it has no seams inside.
 
         Args:
             view: Camera.
-            farther: Chunks have the level of so many times their distance, e.g. since pixels are large.
+            farther: Factor on the distance by which levels are chosen; above 1 where pixels are large.
         """
         table = self.clusters
         seen, distance = view.visible(self._low_m, self._high_m)
@@ -168,7 +163,7 @@ class StaticScene:
 def _sorts(mesh: Mesh) -> tuple[NDArray[np.bool_], Index]:
     """Of every triangle: whether its back needs no drawing, and its place in `_SORTS`, shape (T,)."""
     material = mesh.material[mesh.triangles[:, 2]]
-    worn = materials.table("porosity")[material] > _WORN_FROM
+    worn = material_values("porosity")[material] > _WORN_FROM
     up = mesh.normals[:, 2] > LEVEL_FROM
     first, second, third = (np.take(up, mesh.triangles[:, k]) for k in range(3))
     level = worn & (first | second | third)
@@ -177,7 +172,7 @@ def _sorts(mesh: Mesh) -> tuple[NDArray[np.bool_], Index]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Part:
-    """What one level of detail gives to one layer."""
+    """Triangles of one level of detail in one layer."""
 
     mesh: Mesh
     """Triangles in the order of their clusters."""
@@ -201,14 +196,14 @@ def _cut_level(chunks: Sequence[Mesh], level: int) -> list[_Part]:
     end = np.cumsum(found.count)
     parts = []
     for k, (culled, _) in enumerate(_LAYERS):
-        own = slice(*np.searchsorted(owner, [k, k + 1]))
-        first, last = np.concatenate([[0], end])[[own.start, own.stop]]
-        count = found.count[own]
+        part = slice(*np.searchsorted(owner, [k, k + 1]))
+        first, last = np.concatenate([[0], end])[[part.start, part.stop]]
+        count = found.count[part]
         table = _Table(
-            low_m=found.low_m[own],
-            high_m=found.high_m[own],
-            large=found.large[own],
-            chunk=found.group[own] % max(len(chunks), 1),
+            low_m=found.low_m[part],
+            high_m=found.high_m[part],
+            large=found.large[part],
+            chunk=found.group[part] % max(len(chunks), 1),
             level=np.full(len(count), level),
             culled=np.full(len(count), culled),
         )
@@ -223,8 +218,8 @@ def _coarse(chunk: Mesh, how: Coarseness) -> Mesh:
     return found
 
 
-def _boxes(chunks: Sequence[Mesh]) -> tuple[Array, Array]:
-    """Lowest and highest corners [m] of meshes, shape (N, 3) each; zero where one is empty."""
+def mesh_boxes(chunks: Sequence[Mesh]) -> tuple[Array, Array]:
+    """Lowest and highest corners of meshes [m], shape (N, 3) each; zero where one is empty."""
     bounds = [chunk.bounds_m if len(chunk.vertices_m) else np.zeros((2, 3)) for chunk in chunks]
     low_m, high_m = np.moveaxis(np.array(bounds, dtype=np.float64).reshape(-1, 2, 3), 1, 0)
     return low_m, high_m

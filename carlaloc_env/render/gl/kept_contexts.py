@@ -12,14 +12,14 @@ from collections import defaultdict
 from carlaloc_env.render.gl.context import Programs, create_context
 
 _kept: defaultdict[tuple[int, str, tuple[str, ...]], list[Programs]] = defaultdict(list)
-"""What lies ready, by process (a context does not survive a fork), device and constants of programs."""
+"""Programs ready for use, by process (a context does not survive a fork), device and constants."""
 
 
 def take_programs(constants: tuple[str, ...]) -> Programs:
-    """Programs of a context that nobody else draws with.
+    """Programs of a context that no other renderer draws with.
 
     Args:
-        constants: What every program has defined, a name and a value each.
+        constants: Definitions of every program, a name and a value each.
 
     Raises:
         RenderError: there is no OpenGL 4.3.

@@ -1,7 +1,7 @@
 """How deep a place lies below its surroundings: a cheap stand-in for ambient occlusion.
 
-The static scene is drawn once from straight above. The blurred height of what is highest, less the
-height of a point, says how much of the sky walls, bridges and trees take from it.
+The static scene is drawn once from straight above. The blurred height of the highest surfaces, less the
+height of a point, measures how much of the sky walls, bridges and trees hide from it.
 """
 
 from __future__ import annotations
@@ -26,12 +26,7 @@ BLUR_M = 3.5
 class Roofs:
     """Map of the blurred height of the highest surfaces of a scene."""
 
-    def __init__(
-        self,
-        context: moderngl.Context,
-        programs: Programs,
-        scenery: StaticScene,
-    ) -> None:
+    def __init__(self, context: moderngl.Context, programs: Programs, scenery: StaticScene) -> None:
         if len(scenery):
             low, high = scenery.low_m, scenery.high_m
             self._centre_m = (low + high) / 2

@@ -5,14 +5,16 @@ Which lamps a movable model carries is read off its lamp materials, so that what
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.geometry.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary
 
@@ -35,7 +37,7 @@ HEADLAMP_COLOUR = np.array([1.10, 0.99, 0.80])
 HEADLAMP_LIGHT = 2.0 * HEADLAMP_COLOUR
 """A pair of headlamps is followed as one of twice the light."""
 HALO_CD = 360.0
-"""What a pair of headlamps throws above its cut-off, all round its front [cd]."""
+"""Intensity of a pair of headlamps above its cut-off, all round its front [cd]."""
 MOST_LIGHTS = 256
 """Lights of a picture, the nearest ones."""
 MOST_BEAMS = 9
@@ -70,13 +72,13 @@ class Lights:
 
     def take(self, which: NDArray[np.intp]) -> Lights:
         """Some of the lights."""
-        return Lights(**{item.name: getattr(self, item.name)[which] for item in fields(self)})
+        return Lights(**{name: getattr(self, name)[which] for name in self.__slots__})
 
 
 def concatenate_lights(parts: list[Lights]) -> Lights:
     """All lights of several groups, in order."""
     return Lights(
-        **{item.name: np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Lights)}
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Lights.__slots__}
     )
 
 
@@ -89,25 +91,19 @@ class _Kind:
     range_m: float
     side: float
     """Whether it shines ahead (1) or back (−1)."""
-    signal_cd: float = 0.0
-    """Intensity where it is the lens of a traffic light [cd]."""
 
 
 # Intensities: UN regulations 7, 48 and 148 (tail 4–17 cd, stop 60–260 cd, indicators 50–500 cd) and
 # EN 12368 (300 mm lens ≥ 400 cd, 80 cd when dimmed at night).
 _KINDS: Mapping[Material, _Kind] = {
     Material.LAMP_TAIL: _Kind(colour=(1.0, 0.03, 0.01), intensity_cd=7.0, range_m=4.0, side=-1.0),
-    Material.LAMP_RED: _Kind(
-        colour=(1.0, 0.03, 0.01), intensity_cd=60.0, range_m=9.0, side=-1.0, signal_cd=80.0
-    ),
-    Material.LAMP_AMBER: _Kind(
-        colour=(1.0, 0.42, 0.02), intensity_cd=80.0, range_m=7.0, side=1.0, signal_cd=80.0
-    ),
-    Material.LAMP_GREEN: _Kind(
-        colour=(0.05, 1.0, 0.45), intensity_cd=0.0, range_m=20.0, side=1.0, signal_cd=80.0
-    ),
+    Material.LAMP_RED: _Kind(colour=(1.0, 0.03, 0.01), intensity_cd=60.0, range_m=9.0, side=-1.0),
+    Material.LAMP_AMBER: _Kind(colour=(1.0, 0.42, 0.02), intensity_cd=80.0, range_m=7.0, side=1.0),
+    Material.LAMP_GREEN: _Kind(colour=(0.05, 1.0, 0.45), intensity_cd=0.0, range_m=20.0, side=1.0),
 }
 """How the lamps of vehicles and traffic lights shine, by material."""
+_SIGNAL_CD = 80.0
+"""Intensity of the lens of a traffic light [cd]."""
 _SIGNAL_RANGE_M = 22.0
 """Where the light of a traffic light has faded [m]."""
 _SIGNAL_EDGE = (0.80, 1.0)
@@ -131,26 +127,28 @@ class _Lamp:
     beam: bool = False
 
 
+_EGO_BEAM = _Lamp(
+    position_m=np.array(EGO_HEADLAMPS_M),
+    axis=np.array([1.0, 0.0, 0.0]),
+    colour_cd=HEADLAMP_LIGHT,
+    range_m=BEAM_RANGE_M,
+    glow_cd=0.0,
+    beam=True,
+)
+"""Low beams of the ego, whose body shows no lenses."""
+
+
 class Emitters:
     """Where the models of a library carry lamps."""
 
     def __init__(self, library: ModelLibrary) -> None:
-        found = [
-            (model, lamp)
-            for model, (name, mesh) in enumerate(zip(library.names, library.meshes, strict=True))
-            for lamp in _lamps_of(name, mesh)
-        ]
-        lamps = [lamp for _, lamp in found]
-        self.model = np.array([model for model, _ in found], dtype=np.intp)
-        self._position_m = np.array([lamp.position_m for lamp in lamps]).reshape(-1, 3)
-        self._axis = np.array([lamp.axis for lamp in lamps]).reshape(-1, 3)
-        self._colour = np.array([lamp.colour_cd for lamp in lamps]).reshape(-1, 3)
-        self._range_m = np.array([lamp.range_m for lamp in lamps])
-        self._glow_cd = np.array([lamp.glow_cd for lamp in lamps])
-        self._edge = np.array([lamp.edge for lamp in lamps]).reshape(-1, 2)
-        self._beam = np.array([lamp.beam for lamp in lamps], dtype=bool)
-        self._count = np.bincount(self.model, minlength=len(library))
+        lamps = [_lamps_of(name, mesh) for name, mesh in zip(library.names, library.meshes, strict=True)]
+        self._count = np.array([len(some) for some in lamps], dtype=np.intp)
+        self.model = np.repeat(np.arange(len(library)), self._count)
         self._begin = np.cumsum(self._count) - self._count
+        rows = [*itertools.chain.from_iterable(lamps), _EGO_BEAM]
+        self._lamps = {name: np.array([getattr(row, name) for row in rows]) for name in _Lamp.__slots__}
+        """Rows of all models' lamps, then the ego's low beams."""
 
     def lights(self, instances: Instances) -> Lights:
         """Lamps of placed models, and the low beams of the ego if its body is among them."""
@@ -158,29 +156,16 @@ class Emitters:
         who = np.repeat(np.arange(len(instances)), count)
         start = np.cumsum(count) - count
         row = np.repeat(self._begin[instances.model] - start, count) + np.arange(len(who))
-        T = instances.T_world_model[who]
-        place, axis, colour = self._position_m[row], self._axis[row], self._colour[row]
-        beam, range_m, glow = self._beam[row], self._range_m[row], self._glow_cd[row]
-        edge = self._edge[row]
         ego = np.flatnonzero(instances.instance == EGO_INSTANCE)[:1]
-        if len(ego):
-            T = np.concatenate([T, instances.T_world_model[ego]])
-            place = np.concatenate([place, [EGO_HEADLAMPS_M]])
-            axis = np.concatenate([axis, [[1.0, 0.0, 0.0]]])
-            colour = np.concatenate([colour, [HEADLAMP_LIGHT]])
-            range_m, glow = np.append(range_m, BEAM_RANGE_M), np.append(glow, 0.0)
-            edge = np.concatenate([edge, [_PLAIN_EDGE]])
-            beam = np.append(beam, True)
+        who, row = np.append(who, ego), np.append(row, np.full(len(ego), len(self.model)))
+        lamps = {name: column[row] for name, column in self._lamps.items()}
+        T, place, axis = instances.T_world_model[who], lamps.pop("position_m"), lamps.pop("axis")
         return Lights(
             position_m=np.sum(T[:, :3, :3] * place[:, None, :], axis=2) + T[:, :3, 3],
             axis=np.sum(T[:, :3, :3] * axis[:, None, :], axis=2),
             left=T[:, :3, 1].copy(),
-            colour_cd=colour,
             cap=np.ones(len(place)),
-            edge=edge,
-            range_m=range_m,
-            glow_cd=glow,
-            beam=beam,
+            **lamps,
         )
 
 
@@ -191,14 +176,7 @@ def _lamps_of(name: str, mesh: Mesh) -> list[_Lamp]:
     ahead = np.eye(3)[0]
     # Lamps of whole vehicles lie low; bright roof signs do not light the road.
     lamps = [
-        _Lamp(
-            position_m=place,
-            axis=ahead,
-            colour_cd=HEADLAMP_LIGHT,
-            range_m=BEAM_RANGE_M,
-            glow_cd=HALO_CD,
-            beam=True,
-        )
+        replace(_EGO_BEAM, position_m=place, glow_cd=HALO_CD)
         for place in _patches(mesh, corner == Material.LAMP_WHITE, whole=True, side=1.0)
         if 0.3 < place[2] < 1.3
     ]
@@ -215,22 +193,22 @@ def _lamps_of(name: str, mesh: Mesh) -> list[_Lamp]:
         ]
     for material, kind in _KINDS.items():
         side = 1.0 if signal else kind.side
-        intensity = kind.signal_cd if signal else kind.intensity_cd
+        intensity = _SIGNAL_CD if signal else kind.intensity_cd
         if intensity <= 0.0:
             continue
         # Indicators burn at both ends; the ones that face back are seen from behind.
-        ways = (side, -side) if material == Material.LAMP_AMBER and not signal else (side,)
+        facings = (side, -side) if material == Material.LAMP_AMBER and not signal else (side,)
         lamps += [
             _Lamp(
                 position_m=place,
-                axis=way * ahead,
+                axis=facing * ahead,
                 colour_cd=np.array(kind.colour) * intensity,
                 range_m=_SIGNAL_RANGE_M if signal else kind.range_m,
                 glow_cd=intensity * (_SIGNAL_GLOW if signal else 1.0),
                 edge=_SIGNAL_EDGE if signal else _PLAIN_EDGE,
             )
-            for way in ways
-            for place in _patches(mesh, corner == material, whole=signal, side=way)
+            for facing in facings
+            for place in _patches(mesh, corner == material, whole=signal, side=facing)
         ]
     return lamps
 
@@ -238,14 +216,11 @@ def _lamps_of(name: str, mesh: Mesh) -> list[_Lamp]:
 def _patches(mesh: Mesh, chosen: NDArray[np.bool_], *, whole: bool, side: float) -> list[Array]:
     """Middles [m] of the chosen triangles that face ahead (side 1) or back: one, or left and right."""
     triangles = mesh.triangles[chosen]
-    if not len(triangles):
-        return []
     a, b, c = (mesh.vertices_m[triangles[:, i]].astype(np.float64) for i in range(3))
-    normal = np.cross(b - a, c - a)
-    weight = np.maximum(normal[:, 0] * side, 0.0)
+    weight = np.maximum(cross(b - a, c - a)[:, 0] * side, 0.0)
     middle = (a + b + c) / 3.0
-    left = np.ones(len(middle), bool) if whole else middle[:, 1] >= 0.0
-    groups = [left] if whole else [left, ~left]
+    left = middle[:, 1] >= 0.0
+    groups = [np.ones(len(middle), bool)] if whole else [left, ~left]
     return [
         np.sum(middle[group] * weight[group, None], axis=0) / np.sum(weight[group])
         for group in groups
@@ -291,12 +266,12 @@ def range_window(ratio2: Any) -> Any:
     return left * left
 
 
-def nearest(lights: Lights, eye_m: Array, most: int = MOST_LIGHTS) -> Lights:
+def nearest(lights: Lights, eye_m: Array) -> Lights:
     """The lights that matter most to an eye, the nearest first; of low beams the nearest few."""
     gap = np.sqrt(np.sum((lights.position_m - eye_m) ** 2, axis=1)) - lights.range_m
     order = np.argsort(gap, kind="stable")
     extra = lights.beam[order] & (np.cumsum(lights.beam[order]) > MOST_BEAMS)
-    return lights.take(order[~extra][:most])
+    return lights.take(order[~extra][:MOST_LIGHTS])
 
 
 NO_LIGHTS = street_lamps(np.zeros((0, 3)))

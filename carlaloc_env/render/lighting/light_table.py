@@ -16,7 +16,7 @@ LIST_COLUMNS = 512
 
 
 def surface_lights(lights: Lights, eye_m: Array, exposure: float) -> F32:
-    """What lights surfaces; one more row than there are lights, the last of which is no light, (N + 1, 16).
+    """Lights of surfaces, and a last row of zeros that is no light, shape (N + 1, 16).
 
     =====  ==========================================================  ==================================
     texel  xyz                                                         w
@@ -24,7 +24,7 @@ def surface_lights(lights: Lights, eye_m: Array, exposure: float) -> F32:
     0      place relative to the eye [m]                               1 / range² [1/m²]
     1      exposed intensity / π, of a low beam as a factor            most gain towards the beam's edge
     2      axis                                                        cosine to it where the beam ends
-    3      left of a headlamp                                          1 / way of the cosine from there
+    3      left of a headlamp                                          1 / change of the cosine from there
                                                                        to the full beam
     =====  ==========================================================  ==================================
 
@@ -35,21 +35,15 @@ def surface_lights(lights: Lights, eye_m: Array, exposure: float) -> F32:
     """
     begin, full = lights.edge.T
     return _table(
-        [
-            lights.position_m - eye_m,
-            lights.range_m**-2.0,
-            lights.colour_cd * (exposure / math.pi),
-            lights.cap,
-            lights.axis,
-            begin,
-            lights.left,
-            1.0 / (full - begin),
-        ]
+        (lights.position_m - eye_m, lights.range_m**-2.0),
+        (lights.colour_cd * (exposure / math.pi), lights.cap),
+        (lights.axis, begin),
+        (lights.left, 1.0 / (full - begin)),
     )
 
 
 def fog_lights(lights: Lights, eye_m: Array, exposure: float, glow_range_m: Array) -> F32:
-    """What lights the air, in the same layout, (N + 1, 16).
+    """Lights of the air in the same layout, shape (N + 1, 16).
 
     The second texel has the exposed intensity / π that lights the air, the first 1 / glow range².
 
@@ -62,19 +56,14 @@ def fog_lights(lights: Lights, eye_m: Array, exposure: float, glow_range_m: Arra
     hue = lights.colour_cd / np.maximum(lights.colour_cd.max(axis=1, initial=0.0)[:, None], 1e-9)
     none = np.zeros(len(lights))
     return _table(
-        [
-            lights.position_m - eye_m,
-            np.maximum(glow_range_m, 1e-3) ** -2.0,
-            hue * (lights.glow_cd * exposure / math.pi)[:, None],
-            none,
-            lights.axis,
-            none,
-            np.zeros((len(lights), 3)),
-            none,
-        ]
+        (lights.position_m - eye_m, np.maximum(glow_range_m, 1e-3) ** -2.0),
+        (hue * (lights.glow_cd * exposure / math.pi)[:, None], none),
+        (lights.axis, none),
+        (np.zeros((len(lights), 3)), none),
     )
 
 
-def _table(columns: list[Array]) -> F32:
-    rows = np.column_stack(columns)
+def _table(*texels: tuple[Array, Array]) -> F32:
+    """Texels of N lights, xyz (N, 3) and w (N,) each, and a last row of zeros."""
+    rows = np.column_stack([part for texel in texels for part in texel])
     return np.concatenate([rows, np.zeros((1, 4 * TEXELS))]).astype(np.float32)

@@ -28,7 +28,7 @@ from carlaloc_env.scene.mesh import ModelLibrary
 _LISTS = 0
 """Slot of the image of the lists."""
 UNSEEN_NOISE = 0.2
-"""Change of light that nobody sees, in standard deviations of the noise."""
+"""Largest change of light that stays invisible, in standard deviations of the noise."""
 
 
 class Night:
@@ -73,12 +73,8 @@ class Night:
             normal_codes=scene.normal_codes(),
             least=max(LIGHT_CUTOFF, UNSEEN_NOISE * noise),
         )
-        table = np.concatenate(
-            [
-                fog_lights(lights, eye_m, exposure, grid.glow_range_m)[grid.glows],
-                surface_lights(lights, eye_m, exposure)[grid.lamps],
-            ]
-        )
+        glows = fog_lights(lights, eye_m, exposure, grid.glow_range_m)[grid.glows]
+        table = np.concatenate([glows, surface_lights(lights, eye_m, exposure)[grid.lamps]])
         rows = -(-len(table) // LIST_COLUMNS)
         if rows > self._lists.height:
             self._lists.release()

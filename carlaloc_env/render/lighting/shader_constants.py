@@ -8,11 +8,17 @@ from numpy.typing import ArrayLike
 
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
 from carlaloc_env.render.gl.context import glsl
-from carlaloc_env.render.lighting import low_beam
 from carlaloc_env.render.lighting.light_sources import LAMP_COLOUR, LAMP_LEAST_M
 from carlaloc_env.render.lighting.light_table import LIST_COLUMNS, TEXELS
 from carlaloc_env.render.lighting.light_tiles.surface_light_culling import RETROREFLECTION
 from carlaloc_env.render.lighting.light_tiles.tiled_lights import SKY_M
+from carlaloc_env.render.lighting.low_beam import (
+    LOW_BEAM_BELLS,
+    LOW_BEAM_CUT_OFF,
+    LOW_BEAM_DEGREES,
+    LOW_BEAM_HAZE,
+    LOW_BEAM_LEAST_AHEAD,
+)
 from carlaloc_env.render.lighting.uniforms import FOG_FLOOR_M
 from carlaloc_env.render.lighting.wet_reflections import SMEAR
 
@@ -22,14 +28,14 @@ TONE_SHOULDER, TONE_ROOM = 0.6, 0.4
 
 def shader_constants() -> tuple[str, ...]:
     """Names and values for the `#define` lines of every program."""
-    cut, rise, end = low_beam.CUT_OFF
+    cut, rise, end = LOW_BEAM_CUT_OFF
     values: dict[str, ArrayLike] = {
         "LAMP_COLOUR": LAMP_COLOUR,
         "LAMP_LEAST_M2": LAMP_LEAST_M**2,
         "MIRROR_SMEAR": SMEAR,
         "LOG_SCALE": LOG_SCALE,
-        "LOW_BEAM_DEGREES": low_beam.DEGREES,
-        "LOW_BEAM_LEAST_AHEAD": low_beam.LEAST_AHEAD,
+        "LOW_BEAM_DEGREES": LOW_BEAM_DEGREES,
+        "LOW_BEAM_LEAST_AHEAD": LOW_BEAM_LEAST_AHEAD,
         "LOW_BEAM_CUT": cut,
         "LOW_BEAM_RISE": rise,
         "LOW_BEAM_END": end,
@@ -39,8 +45,8 @@ def shader_constants() -> tuple[str, ...]:
         "TONE_SHOULDER": TONE_SHOULDER,
         "TONE_PER_ROOM": math.log2(math.e) / TONE_ROOM,
     }
-    bells = {"NARROW": low_beam.BELLS[0], "WIDE": low_beam.BELLS[1], "FLOOR": low_beam.BELLS[2]}
-    for name, (cd, right_deg, up_deg, per_right, per_up) in {**bells, "HAZE": low_beam.HAZE}.items():
+    bells = zip(("NARROW", "WIDE", "FLOOR", "HAZE"), (*LOW_BEAM_BELLS, LOW_BEAM_HAZE), strict=True)
+    for name, (cd, right_deg, up_deg, per_right, per_up) in bells:
         values[f"LOW_BEAM_{name}_CD"] = cd
         values[f"LOW_BEAM_{name}_DEG"] = (right_deg, up_deg)
         values[f"LOW_BEAM_{name}_PER_DEG"] = (per_right, per_up)

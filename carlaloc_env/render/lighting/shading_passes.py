@@ -12,7 +12,7 @@ from carlaloc_env.render.gl.context import Programs
 from carlaloc_env.render.lighting.light_tiles.screen_tiles import TILE_PX, TileGroups
 
 _SKY_FEATURES = ("TILES", "NIGHT", "LINEAR", "GLOWS")
-"""What the sky's program knows of."""
+"""Features that the sky's program has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,7 +48,7 @@ class ShadingPasses:
         Args:
             context: Where it is drawn; the picture's framebuffer is bound.
             programs: Shader programs of the context.
-            features: What the picture's surfaces need.
+            features: Features of the program of the picture's surfaces.
             prepare: Sets the uniforms of a program.
             splits: Whether a pixel is either surface or sky; otherwise surfaces are laid over their sky.
         """

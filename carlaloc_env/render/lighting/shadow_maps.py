@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -65,6 +66,10 @@ def light_axes(sun_direction: Array) -> Array:
     return np.stack([right, cross(right, away), away])
 
 
+_Maps = OrderedDict[tuple[Any, ...], ShadowMap]
+"""Maps that are kept, by what they show, the one used last at the end."""
+
+
 class Shadows:
     """Makes and keeps the shadow maps of one scene."""
 
@@ -81,8 +86,8 @@ class Shadows:
         self._programs = programs
         self._scenery = scenery
         self._static_size_px, self._actor_size_px = static_size_px, actor_size_px
-        self._maps: OrderedDict[tuple[float, ...], ShadowMap] = OrderedDict()
-        self._actor_maps: OrderedDict[tuple[bytes, ...], ShadowMap] = OrderedDict()
+        self._maps: _Maps = OrderedDict()
+        self._actor_maps: _Maps = OrderedDict()
 
     def static(self, view: CameraView, sun_direction: Array) -> ShadowMap:
         """Map of the static scene round a camera; made when the camera has left the last one.
@@ -100,8 +105,7 @@ class Shadows:
         if key in self._maps:
             self._maps.move_to_end(key)
             return self._maps[key]
-        result = self._blank_static(axes, across)
-        self._maps[key] = result
+        result = self._maps[key] = self._blank_static(axes, across)
         centre = np.sum(axes * result.origin_m, axis=1)
         casting = self._scenery.casting(axes, centre - result.half_extent_m, centre + result.half_extent_m)
         program = self._programs.get("shadow.vert", "shadow.frag")
@@ -125,20 +129,12 @@ class Shadows:
         away = np.sum(axes * instances.T_world_model[:, None, :3, 3], axis=2) - across
         reach = casters.radius_m[instances.model][:, None]
         which = np.flatnonzero((np.abs(away) < half_extent_m + reach).all(axis=1))
-        key = (
-            axes.tobytes(),
-            across.tobytes(),
-            instances.model[which].tobytes(),
-            instances.T_world_model[which].tobytes(),
-        )
+        drawn = (axes, across, instances.model[which], instances.T_world_model[which])
+        key = tuple(part.tobytes() for part in drawn)
         if key in self._actor_maps:
             self._actor_maps.move_to_end(key)
             return self._actor_maps[key]
-        if len(self._actor_maps) >= CACHED_MAPS:
-            _, old = self._actor_maps.popitem(last=False)
-            texture, framebuffer = old.texture, old.framebuffer
-        else:
-            texture, framebuffer = self._target(self._actor_size_px)
+        texture, framebuffer = self._target(self._actor_maps, self._actor_size_px)
         result = self._actor_maps[key] = ShadowMap(
             texture=texture,
             framebuffer=framebuffer,
@@ -154,11 +150,7 @@ class Shadows:
         return result
 
     def _blank_static(self, axes: Array, across: Array) -> ShadowMap:
-        if len(self._maps) >= CACHED_MAPS:
-            _, old = self._maps.popitem(last=False)
-            texture, framebuffer = old.texture, old.framebuffer
-        else:
-            texture, framebuffer = self._target(self._static_size_px)
+        texture, framebuffer = self._target(self._maps, self._static_size_px)
         # Deep enough for everything that stands in the scene, whatever the camera's place.
         low, high = self._scenery.low_m, self._scenery.high_m
         reach = math.sqrt(float(np.sum((high - low) ** 2))) / 2 + 1.0
@@ -172,7 +164,11 @@ class Shadows:
             half_extent_m=np.array([half, half, reach]),
         )
 
-    def _target(self, size_px: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+    def _target(self, kept: _Maps, size_px: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        """Target of a new map: that of the oldest kept one once there are `CACHED_MAPS` of them."""
+        if len(kept) >= CACHED_MAPS:
+            _, old = kept.popitem(last=False)
+            return old.texture, old.framebuffer
         texture = self._context.depth_texture((size_px, size_px))
         texture.compare_func = "<="
         texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
@@ -185,11 +181,7 @@ class Shadows:
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "<"
         self._context.polygon_offset = (2.0, 2.0)
-        set_uniforms(
-            program,
-            u_light=result.clip.T.astype("<f4").tobytes(),
-            u_origin=tuple(result.origin_m),
-        )
+        set_uniforms(program, u_light=result.clip.T.astype("<f4").tobytes(), u_origin=tuple(result.origin_m))
 
     def _end(self) -> None:
         self._context.polygon_offset = (0.0, 0.0)

@@ -59,7 +59,7 @@ class SkyLight:
 
 @functools.lru_cache(maxsize=KEPT_SKIES)
 def sky_light(weather: WeatherParameters) -> SkyLight:
-    """The light of a weather; its arrays are shared by all who ask, who must not write to them."""
+    """The light of a weather; callers share its arrays and must not write to them."""
     directions, solid_angle_sr = hemisphere()
     sun = weather.sun_direction
     night = weather.is_night
@@ -95,7 +95,7 @@ F_NUMBER = 2.0
 
 
 def exposure_time_s(value_per_cd_m2: float) -> float:
-    """Exposure time [s] that goes with an `exposure`: f/2 and ISO 100, within 2 to 15 ms.
+    """Exposure time [s] that belongs to an `exposure`: f/2 and ISO 100, within 2 to 15 ms.
 
     Beyond 15 ms a camera on a moving car raises its gain instead.
     """
@@ -254,7 +254,7 @@ def _clouds(cover: float, directions: Array) -> Array:
 
 
 def _exceeded_by(field: Array, share: float) -> float:
-    """What a field over the sky map exceeds in a share of the half-sphere."""
+    """Value that a field over the sky map exceeds in a share of the half-sphere."""
     _, solid_angle_sr = hemisphere()
     order = np.argsort(field, axis=None)
     below = np.cumsum(solid_angle_sr.ravel()[order])

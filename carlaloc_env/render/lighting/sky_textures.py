@@ -99,16 +99,6 @@ class Skies:
 def _polynomial(harmonics: Array) -> Array:
     """Irradiance as a polynomial in the normal: 1 y z x xy yz z² xz x²−y², shape (9, 3)."""
     l00, l1m1, l10, l11, l2m2, l2m1, l20, l21, l22 = harmonics
-    return np.stack(
-        [
-            _C4 * l00 - _C5 * l20,
-            2 * _C2 * l1m1,
-            2 * _C2 * l10,
-            2 * _C2 * l11,
-            2 * _C1 * l2m2,
-            2 * _C1 * l2m1,
-            _C3 * l20,
-            2 * _C1 * l21,
-            _C1 * l22,
-        ]
-    )
+    linear = (2 * _C2 * factor for factor in (l1m1, l10, l11))
+    square = (2 * _C1 * l2m2, 2 * _C1 * l2m1, _C3 * l20, 2 * _C1 * l21, _C1 * l22)
+    return np.stack([_C4 * l00 - _C5 * l20, *linear, *square])

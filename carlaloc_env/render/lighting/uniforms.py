@@ -1,4 +1,4 @@
-"""What shading programs are told: the view, the samples, the light and the air of one picture."""
+"""Uniforms of shading programs: the view, the samples, the light and the air of one picture."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def bind_light(scene: Scene, roofs: Roofs) -> None:
 def set_shadow_uniforms(
     program: moderngl.Program, view: CameraView, *, static: ShadowMap | None, actors: ShadowMap | None
 ) -> None:
-    """Bind shadow maps and say how to look them up."""
+    """Bind shadow maps, and set how programs look them up."""
     if static is not None:
         static.texture.use(STATIC)
         matrix, offset = static.lookup(view.position_m)
@@ -137,10 +137,7 @@ def set_shadow_uniforms(
         actors.texture.use(ACTORS)
         matrix, offset = actors.lookup(view.position_m)
         set_uniforms(
-            program,
-            u_shadow_actors=ACTORS,
-            u_light_actors=_bytes(matrix),
-            u_light_actors_eye=tuple(offset),
+            program, u_shadow_actors=ACTORS, u_light_actors=_bytes(matrix), u_light_actors_eye=tuple(offset)
         )
 
 

@@ -39,7 +39,7 @@ class Mirror:
         prepare: Callable[[moderngl.Program], None],
         triangle: Callable[[moderngl.Program], None],
     ) -> moderngl.Texture:
-        """Texture of the mirrored light; its alpha says where the mirrored ray meets the scene.
+        """Texture of the mirrored light; its alpha is where the mirrored ray meets the scene.
 
         Args:
             gbuffer: The picture.
@@ -48,14 +48,12 @@ class Mirror:
             triangle: Draws a triangle over everything.
         """
         camera = gbuffer.camera
-        texture, framebuffer = self._target(
-            (-(-camera.width_px // COLUMN_PX), -(-camera.height_px // ROW_PX))
-        )
+        size_px = -(-camera.width_px // COLUMN_PX), -(-camera.height_px // ROW_PX)
+        texture, framebuffer = self._target(size_px)
         framebuffer.use()
         framebuffer.clear()
-        program = self._programs.get(
-            "screen.vert", "mirror.frag", f"COLUMN_PX {COLUMN_PX}", f"ROW_PX {ROW_PX}", *features
-        )
+        scale = f"COLUMN_PX {COLUMN_PX}", f"ROW_PX {ROW_PX}"
+        program = self._programs.get("screen.vert", "mirror.frag", *scale, *features)
         prepare(program)
         top = round(texture.height * max(horizon(gbuffer.view) - _MARGIN, 0.0))
         self._context.enable_only(moderngl.NOTHING)

@@ -1,8 +1,8 @@
 """Falling rain: drops with places in the world, the same for every camera and every moment.
 
 Each size of drops is a lattice of cells that falls as a whole with its terminal velocity and drifts
-with the wind; a hash of the cell says where in it its drops are. So any picture can be made on its
-own, both cameras see the same drops, and they go on falling in the next picture.
+with the wind; a hash of the cell places the drops in it. So any picture can be made alone, both
+cameras see the same drops, and they continue to fall in the next picture.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _AROUND_M = 0.4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Streaks:
-    """What N drops draw during an exposure, relative to the moving eye, world axes."""
+    """Streaks of N drops during an exposure, relative to the moving eye, world axes."""
 
     end_m: Array
     """Where the drops are at the end of the exposure [m], shape (N, 3)."""
@@ -118,9 +118,8 @@ def _lattice(view: CameraView, drift_m: Array, density: float, range_m: float, k
     normals = np.concatenate([view.planes()[:, :3], ahead, -ahead])
     planes = np.column_stack([normals, [_AROUND_M] * 4 + [-NEAR_M, range_m]])
     sx, sy, ox, oy = view.clip_scale
-    corners = np.array(
-        [[(i - ox) / sx, (j - oy) / sy, 1.0] for i in (-1, 1) for j in (-1, 1)] + [[0.0, 0.0, 0.0]]
-    )
+    far = [[(i - ox) / sx, (j - oy) / sy, 1.0] for i in (-1, 1) for j in (-1, 1)]
+    corners = np.array([*far, [0.0, 0.0, 0.0]])
     corners = np.sum((corners * range_m)[:, :, None] * view.R_camera_world[None], axis=1)
     home = view.position_m - drift_m
     low = np.floor((home + corners.min(axis=0) - _AROUND_M) / CELL_M).astype(np.int64)

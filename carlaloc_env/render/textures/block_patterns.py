@@ -1,4 +1,4 @@
-"""What walls and pavements are laid of, so that the shader can tell one block from the next.
+"""Blocks of walls and pavements, by which the shader knows one block from the next.
 
 A texture repeats after its tile; the shader gives each block of a front a tone of its own, and lays any of
 the texture's panels or boards in each place.

@@ -12,78 +12,112 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.files.array_cache import Arrays, cached
 from carlaloc_env.core.rng import stream
-from carlaloc_env.render.textures import (
-    cladding,
-    crops,
-    ground,
-    noise,
-    number_plates,
-    shop_signs,
-    signs_and_posters,
-    small_materials,
-    walls,
-    windows_and_doors,
+from carlaloc_env.render.textures.cladding import rubble, sheet_metal, siding, slate
+from carlaloc_env.render.textures.crops import crop, furrows
+from carlaloc_env.render.textures.ground import (
+    asphalt,
+    concrete,
+    grass,
+    gravel,
+    kerb,
+    pavement,
+    road_paint,
+    roof_flat,
+    soil,
+    water,
 )
-from carlaloc_env.render.textures.noise import Layer
+from carlaloc_env.render.textures.noise import Layer, levelled, softened
+from carlaloc_env.render.textures.number_plates import number_plates
+from carlaloc_env.render.textures.shop_signs import billboards, shop_signs
+from carlaloc_env.render.textures.signs_and_posters import posters, signs
+from carlaloc_env.render.textures.small_materials import (
+    bark,
+    car_paint,
+    cloth,
+    galvanised,
+    glass,
+    lamp,
+    leaf,
+    painted_metal,
+    plain,
+    plastic,
+    rubber,
+    skin,
+    wood,
+)
+from carlaloc_env.render.textures.walls import ashlar, brick, concrete_panel, curtain_wall, plaster, roof_tile
+from carlaloc_env.render.textures.windows_and_doors import (
+    doors,
+    more_shop_fronts,
+    shop_fronts,
+    wide_windows,
+    windows,
+)
 from carlaloc_env.scene.materials import Material
 
 _Recipe = Callable[[np.random.Generator, int], Layer]
 """Makes a texture layer from a source of randomness and an edge [px]."""
 
 RECIPES: dict[Material, _Recipe] = {
-    Material.PLAIN: small_materials.plain,
-    Material.ASPHALT: ground.asphalt,
-    Material.ASPHALT_OLD: ground.asphalt_old,
-    Material.ASPHALT_MOTORWAY: ground.asphalt_motorway,
-    Material.ROAD_PAINT_WHITE: partial(ground.road_paint, colour=(0.58, 0.58, 0.55)),
-    Material.ROAD_PAINT_YELLOW: partial(ground.road_paint, colour=(0.48, 0.31, 0.045)),
-    Material.CONCRETE: ground.concrete,
-    Material.PAVEMENT: ground.pavement,
-    Material.KERB: ground.kerb,
-    Material.GRASS: ground.grass,
-    Material.SOIL: ground.soil,
-    Material.BRICK_RED: partial(walls.brick, colour=(0.265, 0.105, 0.068)),
-    Material.BRICK_BROWN: partial(walls.brick, colour=(0.19, 0.125, 0.085)),
-    Material.PLASTER: walls.plaster,
-    Material.ASHLAR: walls.ashlar,
-    Material.CONCRETE_PANEL: walls.concrete_panel,
-    Material.CURTAIN_WALL: walls.curtain_wall,
-    Material.WINDOW: windows_and_doors.windows,
-    Material.SHOP_FRONT: windows_and_doors.shop_fronts,
-    Material.ROOF_TILE: walls.roof_tile,
-    Material.ROOF_FLAT: ground.roof_flat,
-    Material.BARK: small_materials.bark,
-    Material.LEAF: small_materials.leaf,
-    Material.METAL_GALVANISED: small_materials.galvanised,
-    Material.METAL_PAINTED: small_materials.painted_metal,
-    Material.CAR_PAINT: small_materials.car_paint,
-    Material.GLASS: small_materials.glass,
-    Material.RUBBER: small_materials.rubber,
-    Material.PLASTIC: small_materials.plastic,
-    Material.SIGN: signs_and_posters.signs,
-    Material.CLOTH: small_materials.cloth,
-    Material.SKIN: small_materials.skin,
-    Material.WATER: ground.water,
-    Material.LAMP_WHITE: partial(small_materials.lamp, colour=(0.80, 0.78, 0.70)),
-    Material.LAMP_RED: partial(small_materials.lamp, colour=(0.62, 0.035, 0.025)),
-    Material.LAMP_AMBER: partial(small_materials.lamp, colour=(0.75, 0.34, 0.025)),
-    Material.LAMP_GREEN: partial(small_materials.lamp, colour=(0.05, 0.62, 0.33)),
-    Material.WOOD: small_materials.wood,
-    Material.POSTER: signs_and_posters.posters,
-    Material.GRAVEL: ground.gravel,
-    Material.DOOR: windows_and_doors.doors,
-    Material.SIDING: cladding.siding,
-    Material.SHEET_METAL: cladding.sheet_metal,
-    Material.RUBBLE: cladding.rubble,
-    Material.ROOF_SLATE: cladding.slate,
-    Material.CROP: crops.crop,
-    Material.FURROWS: crops.furrows,
-    Material.SHOP_SIGN: shop_signs.shop_signs,
-    Material.BILLBOARD: shop_signs.billboards,
-    Material.WINDOW_WIDE: windows_and_doors.wide_windows,
-    Material.SHOP_FRONT_B: windows_and_doors.more_shop_fronts,
-    Material.PLATE: number_plates.number_plates,
-    Material.LAMP_TAIL: partial(small_materials.lamp, colour=(0.30, 0.012, 0.010)),
+    Material.PLAIN: plain,
+    Material.ASPHALT: partial(asphalt, colour=(0.120, 0.118, 0.114), mortar=0.05, stones=0.15, roughness=0.9),
+    # The bitumen has worn off the stones.
+    Material.ASPHALT_OLD: partial(
+        asphalt, colour=(0.135, 0.131, 0.124), mortar=0.06, stones=0.18, roughness=0.92
+    ),
+    # Stone mastic asphalt: small bare stones of one size.
+    Material.ASPHALT_MOTORWAY: partial(
+        asphalt, colour=(0.122, 0.120, 0.116), mortar=0.04, stones=0.14, roughness=0.9
+    ),
+    Material.ROAD_PAINT_WHITE: partial(road_paint, colour=(0.58, 0.58, 0.55)),
+    Material.ROAD_PAINT_YELLOW: partial(road_paint, colour=(0.48, 0.31, 0.045)),
+    Material.CONCRETE: concrete,
+    Material.PAVEMENT: pavement,
+    Material.KERB: kerb,
+    Material.GRASS: grass,
+    Material.SOIL: soil,
+    Material.BRICK_RED: partial(brick, colour=(0.265, 0.105, 0.068)),
+    Material.BRICK_BROWN: partial(brick, colour=(0.19, 0.125, 0.085)),
+    Material.PLASTER: plaster,
+    Material.ASHLAR: ashlar,
+    Material.CONCRETE_PANEL: concrete_panel,
+    Material.CURTAIN_WALL: curtain_wall,
+    Material.WINDOW: windows,
+    Material.SHOP_FRONT: shop_fronts,
+    Material.ROOF_TILE: roof_tile,
+    Material.ROOF_FLAT: roof_flat,
+    Material.BARK: bark,
+    Material.LEAF: leaf,
+    Material.METAL_GALVANISED: galvanised,
+    Material.METAL_PAINTED: painted_metal,
+    Material.CAR_PAINT: car_paint,
+    Material.GLASS: glass,
+    Material.RUBBER: rubber,
+    Material.PLASTIC: plastic,
+    Material.SIGN: signs,
+    Material.CLOTH: cloth,
+    Material.SKIN: skin,
+    Material.WATER: water,
+    Material.LAMP_WHITE: partial(lamp, colour=(0.80, 0.78, 0.70)),
+    Material.LAMP_RED: partial(lamp, colour=(0.62, 0.035, 0.025)),
+    Material.LAMP_AMBER: partial(lamp, colour=(0.75, 0.34, 0.025)),
+    Material.LAMP_GREEN: partial(lamp, colour=(0.05, 0.62, 0.33)),
+    Material.WOOD: wood,
+    Material.POSTER: posters,
+    Material.GRAVEL: gravel,
+    Material.DOOR: doors,
+    Material.SIDING: siding,
+    Material.SHEET_METAL: sheet_metal,
+    Material.RUBBLE: rubble,
+    Material.ROOF_SLATE: slate,
+    Material.CROP: crop,
+    Material.FURROWS: furrows,
+    Material.SHOP_SIGN: shop_signs,
+    Material.BILLBOARD: billboards,
+    Material.WINDOW_WIDE: wide_windows,
+    Material.SHOP_FRONT_B: more_shop_fronts,
+    Material.PLATE: number_plates,
+    Material.LAMP_TAIL: partial(lamp, colour=(0.30, 0.012, 0.010)),
 }
 """How each material's layer is made."""
 WIDE: dict[Material, float] = {
@@ -99,7 +133,7 @@ FACADES = (
     Material.CURTAIN_WALL, Material.ROOF_SLATE, Material.ROOF_TILE, Material.RUBBLE, Material.SHOP_FRONT,
     Material.SHOP_FRONT_B, Material.SIDING, Material.WINDOW, Material.WINDOW_WIDE,
 )  # fmt: skip
-"""What stands behind the roadway; photographs show it paler than it is, and its joints less."""
+"""Materials of façades and roofs, whose contrast is reduced, as haze and distance do in photographs."""
 FACADE_CONTRAST = 0.66
 """Exponent of the façades' albedo about its mean."""
 
@@ -154,6 +188,6 @@ def make_albedo(size_px: int) -> NDArray[np.float16]:
     for material in Material:
         layer = RECIPES[material](stream(0, f"texture/{material.name}"), size_px)
         if material in WIDE:
-            layer = noise.levelled(layer, WIDE[material])
-        out[material] = noise.softened(layer, FACADE_CONTRAST) if material in FACADES else layer
+            layer = levelled(layer, WIDE[material])
+        out[material] = softened(layer, FACADE_CONTRAST) if material in FACADES else layer
     return out

@@ -51,7 +51,7 @@ class Canvas:
     def shade(
         self, x0: float, y0: float, x1: float, y1: float, low: Rgb, high: Rgb, roughness: float | None = None
     ) -> None:
-        """Rectangle that goes from one colour at its lower edge to another at its upper edge."""
+        """Rectangle that shades from one colour at its lower edge to another at its upper edge."""
         (left, top), (right, bottom) = self._pixel(x0, y1), self._pixel(x1, y0)
         rows = max(bottom - top, 1)
         t = np.linspace(1.0, 0.0, rows)[:, None, None]
@@ -62,7 +62,7 @@ class Canvas:
 
     def polygon(self, points: ArrayLike, colour: Rgb) -> None:
         """Filled polygon of points (x, y)."""
-        corners = np.array([self._pixel(float(x), float(y)) for x, y in np.asarray(points)], dtype=np.int32)
+        corners = np.array([self._pixel(x, y) for x, y in np.asarray(points)], dtype=np.int32)
         cv2.fillPoly(self._image, [corners], colour, cv2.LINE_AA)
 
     def disc(self, x: float, y: float, radius: float, colour: Rgb, squash: float = 1.0) -> None:
@@ -73,7 +73,7 @@ class Canvas:
 
     def line(self, points: ArrayLike, width: float, colour: Rgb) -> None:
         """Polyline, its width in units of the height."""
-        corners = np.array([self._pixel(float(x), float(y)) for x, y in np.asarray(points)], dtype=np.int32)
+        corners = np.array([self._pixel(x, y) for x, y in np.asarray(points)], dtype=np.int32)
         cv2.polylines(self._image, [corners], False, colour, max(round(width * self._height), 1), cv2.LINE_AA)
 
     def text(
@@ -89,7 +89,7 @@ class Canvas:
         """Words centred on a point, as large as fits into width and height (shares of the picture).
 
         Args:
-            words: What to write.
+            words: Text.
             x: Centre.
             y: Centre.
             width: Room for the words.
@@ -102,17 +102,16 @@ class Canvas:
         left = x * self._width - 0.5 * em * drawn.width(words)
         foot = (1.0 - y) * self._height + 0.5 * em * drawn.capital
         # Sixteenths of a pixel, so that stems of one letter are equally wide.
-        rings = [
-            np.rint(16.0 * (ring * (em, -em) + (left, foot))).astype(np.int32) for ring in drawn.rings(words)
-        ]
-        if rings:
+        places = [16.0 * (ring * (em, -em) + (left, foot)) for ring in drawn.rings(words)]
+        if places:
+            rings = [np.rint(place).astype(np.int32) for place in places]
             cv2.fillPoly(self._image, rings, colour, cv2.LINE_AA, 4)
 
-    def cell(self, rng: np.random.Generator, wear: float = 0.05) -> Layer:
+    def cell(self, rng: np.random.Generator, wear: float) -> Layer:
         """The finished square cell, row 0 at the bottom, with a little grain."""
         return self.patch(rng, self._size_px, self._size_px, wear)
 
-    def patch(self, rng: np.random.Generator, width_px: int, height_px: int, wear: float = 0.05) -> Layer:
+    def patch(self, rng: np.random.Generator, width_px: int, height_px: int, wear: float) -> Layer:
         """The finished picture at any size, row 0 at the bottom, with a little grain."""
         size = (width_px, height_px)
         rgb = cv2.resize(to_linear(self._image), size, interpolation=cv2.INTER_AREA)
@@ -122,6 +121,12 @@ class Canvas:
 
     def _pixel(self, x: float, y: float) -> tuple[int, int]:
         return round(x * self._width), round((1.0 - y) * self._height)
+
+
+def scaled(colour: Rgb, factor: float) -> Rgb:
+    """A colour darkened or brightened by a factor, within 0–255."""
+    red, green, blue = (int(np.clip(value * factor, 0, 255)) for value in colour)
+    return red, green, blue
 
 
 def to_linear(srgb: NDArray[np.uint8]) -> NDArray[np.float32]:

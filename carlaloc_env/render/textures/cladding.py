@@ -58,8 +58,8 @@ def rubble(rng: np.random.Generator, size: int) -> Layer:
     face += 0.18 * (0.4 - stones.nearest)
     log = -0.05 + inside * (face + 0.05) - 0.35 * smoothstep(0.14, 0.07, stones.edge) * inside
     log += 0.08 * fbm(rng, size, 0.6, 0.05)
-    own = rng.uniform(-0.12, 0.12, int(stones.owner.max()) + 1).astype(np.float32)[stones.owner]
-    roughness = 0.85 + inside * own
+    spread = rng.uniform(-0.12, 0.12, int(stones.owner.max()) + 1).astype(np.float32)[stones.owner]
+    roughness = 0.85 + inside * spread
     return layer((0.33, 0.31, 0.275), log, roughness, per_cell(rng, stones.owner, 0.12))
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
+from carlaloc_env.render.textures.ground import lines_that_wrap
 from carlaloc_env.render.textures.noise import Field, Layer, coordinates, fbm, layer, per_cell, worley
 
 
@@ -32,18 +32,10 @@ def furrows(rng: np.random.Generator, size: int) -> Layer:
 
 def _stalks(rng: np.random.Generator, size: int, count: int) -> Field:
     """Short strokes, most of them along u, that wrap over the border."""
-    margin = 24
-    canvas = np.zeros((size + 2 * margin, size + 2 * margin), np.float32)
     centre = rng.random((count, 2)) * size
     angle = rng.normal(0.0, 0.5, count)
     half = rng.uniform(0.006, 0.016, count) * size
     value = rng.normal(0.0, 1.1, count)
     step = half[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    for du in (-size, 0, size):
-        for dv in (-size, 0, size):
-            shifted = centre + np.array([du, dv]) + margin
-            near = np.flatnonzero(np.all((shifted > 0) & (shifted < canvas.shape[0]), axis=-1))
-            for k in near:
-                a, b = np.round(shifted[k] - step[k]).astype(int), np.round(shifted[k] + step[k]).astype(int)
-                cv2.line(canvas, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), float(value[k]), 1)
-    return canvas[margin : margin + size, margin : margin + size]
+    copies = [(du, dv) for du in (-size, 0, size) for dv in (-size, 0, size)]
+    return lines_that_wrap(size, centre, step, value, copies)

@@ -2,36 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.textures.block_patterns import BLOCK_PATTERNS
-from carlaloc_env.render.textures.noise import (
-    Field,
-    Layer,
-    blocks,
-    fbm,
-    layer,
-    per_cell,
-    smoothstep,
-    worley,
-)
+from carlaloc_env.render.textures.noise import Field, Layer, blocks, fbm, layer, per_cell, smoothstep, worley
 from carlaloc_env.scene.materials import MATERIALS, Material
 
 
-def asphalt(rng: np.random.Generator, size: int) -> Layer:
-    """Worn asphalt concrete: stones of 5–15 mm in bitumen. Rarer things have their place on the road."""
-    return layer((0.120, 0.118, 0.114), _aggregate(rng, size, 0.05, 0.15), 0.9)
+def asphalt(
+    rng: np.random.Generator,
+    size: int,
+    colour: tuple[float, float, float],
+    *,
+    mortar: float,
+    stones: float,
+    roughness: float,
+) -> Layer:
+    """Asphalt concrete: stones of 15 and of 8 mm in bitumen on a tile of 2.5 m, and gaps between them.
 
+    Rarer things have their place on the road.
 
-def asphalt_old(rng: np.random.Generator, size: int) -> Layer:
-    """Old, pale asphalt: the bitumen has worn off the stones."""
-    return layer((0.135, 0.131, 0.124), _aggregate(rng, size, 0.06, 0.18), 0.92)
-
-
-def asphalt_motorway(rng: np.random.Generator, size: int) -> Layer:
-    """Stone mastic asphalt of fast roads: small bare stones of one size."""
-    return layer((0.122, 0.120, 0.116), _aggregate(rng, size, 0.04, 0.14), 0.9)
+    Args:
+        rng: Source of randomness.
+        size: Edge [px].
+        colour: Mean linear albedo.
+        mortar: How uneven the bitumen is, a deviation of the logarithm of its brightness.
+        stones: The same from stone to stone.
+        roughness: Roughness 0–1.
+    """
+    coarse, fine = worley(rng, size, 165, 165), worley(rng, size, 310, 310)
+    log = per_cell(rng, coarse.owner, stones) * smoothstep(0.0, 0.25, coarse.edge)
+    log += 0.6 * per_cell(rng, fine.owner, stones) - 0.20 * smoothstep(0.10, 0.0, coarse.edge)
+    log += mortar * fbm(rng, size, 0.1, 0.01, 0.85)
+    return layer(colour, log, roughness)
 
 
 def road_paint(rng: np.random.Generator, size: int, colour: tuple[float, float, float]) -> Layer:
@@ -50,7 +57,7 @@ def concrete(rng: np.random.Generator, size: int) -> Layer:
     """Cast concrete: cloudy, streaked, with blowholes and fine cracks."""
     log = 0.10 * fbm(rng, size, 0.6, 0.01, 0.7) + 0.05 * fbm(rng, size, 0.012, 0.004, 1.0)
     log += -0.07 * smoothstep(0.3, 1.8, fbm(rng, size, 0.12, 0.01, 0.7, (1.0, 9.0)))
-    log += np.log(0.6) * _pits(rng, size, 40, 0.05, 0.10)
+    log += np.log(0.6) * pits(rng, size, 40, 0.05, 0.10)
     return layer((0.315, 0.305, 0.285), log, 0.8)
 
 
@@ -62,11 +69,8 @@ def pavement(rng: np.random.Generator, size: int) -> Layer:
     joint_m = tile_m * np.minimum(side / pattern.columns, bed / pattern.rows)
     joint = smoothstep(0.007, 0.003, joint_m)
     bevel = smoothstep(0.03, 0.008, joint_m)
-    log = (
-        per_cell(rng, index, 0.06)
-        + 0.05 * fbm(rng, size, 0.3, 0.02)
-        + 0.08 * fbm(rng, size, 0.015, 0.004, 1.0)
-    )
+    log = per_cell(rng, index, 0.06) + 0.05 * fbm(rng, size, 0.3, 0.02)
+    log += 0.08 * fbm(rng, size, 0.015, 0.004, 1.0)
     log += -0.10 * bevel - 0.75 * joint
     return layer((0.305, 0.292, 0.272), log, 0.8 + 0.1 * joint, 0.5 * per_cell(rng, index, 0.08))
 
@@ -126,16 +130,7 @@ def roof_flat(rng: np.random.Generator, size: int) -> Layer:
     return layer((0.20, 0.195, 0.185), log, 0.9)
 
 
-def _aggregate(rng: np.random.Generator, size: int, mortar: float, stones: float) -> Field:
-    """Stones of 15 and of 8 mm in bitumen on a tile of 2.5 m, and gaps between them."""
-    coarse, fine = worley(rng, size, 165, 165), worley(rng, size, 310, 310)
-    log = per_cell(rng, coarse.owner, stones) * smoothstep(0.0, 0.25, coarse.edge)
-    log += 0.6 * per_cell(rng, fine.owner, stones) - 0.20 * smoothstep(0.10, 0.0, coarse.edge)
-    log += mortar * fbm(rng, size, 0.1, 0.01, 0.85)
-    return np.asarray(log, dtype=np.float32)
-
-
-def _cracks(rng: np.random.Generator, size: int, cells: int, share: float, width: float = 0.020) -> Field:
+def cracks(rng: np.random.Generator, size: int, cells: int, share: float, width: float) -> Field:
     """Cracks along the borders of large cells, broken off by noise; 1 inside a crack.
 
     Args:
@@ -161,7 +156,7 @@ def _warped_edges(rng: np.random.Generator, size: int, cells: int) -> Field:
     return edge[rows, columns]
 
 
-def _pits(rng: np.random.Generator, size: int, cells: int, share: float, radius: float) -> Field:
+def pits(rng: np.random.Generator, size: int, cells: int, share: float, radius: float) -> Field:
     """Small round holes in some cells of a grid."""
     net = worley(rng, size, cells, cells, 0.6)
     chosen = rng.random(cells * cells)[net.owner] < share
@@ -170,18 +165,33 @@ def _pits(rng: np.random.Generator, size: int, cells: int, share: float, radius:
 
 def _strokes(rng: np.random.Generator, size: int, count: int, length: tuple[float, float]) -> Field:
     """Short strokes of random brightness at every angle, mean about 0, deviation 1."""
-    margin = int(np.ceil(length[1] * size)) + 2
-    canvas = np.zeros((size + 2 * margin, size + 2 * margin), np.float32)
     centre = rng.random((count, 2)) * size
     angle, reach = rng.random(count) * np.pi, rng.uniform(*length, count) * size
     value = rng.normal(0.0, 1.2, count)
     step = 0.5 * reach[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    start, end = centre - step, centre + step
-    for dv in (-size, 0, size):
-        for du in (-size, 0, size):
-            shift = np.array([du, dv]) + margin
-            inside = np.all((centre + shift > 0) & (centre + shift < canvas.shape[0]), axis=-1)
-            for k in np.flatnonzero(inside):
-                a, b = np.round(start[k] + shift).astype(int), np.round(end[k] + shift).astype(int)
-                cv2.line(canvas, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), float(value[k]), 1)
+    copies = [(du, dv) for dv in (-size, 0, size) for du in (-size, 0, size)]
+    return lines_that_wrap(size, centre, step, value, copies)
+
+
+def lines_that_wrap(
+    size: int, centre_px: Array, step_px: Array, value: Array, copies_px: Sequence[tuple[int, int]]
+) -> Field:
+    """Lines that wrap over the border; later ones cover earlier ones.
+
+    Args:
+        size: Edge [px].
+        centre_px: Middles, shape (N, 2).
+        step_px: From the middles to the ends, shape (N, 2).
+        value: Value of each, shape (N,).
+        copies_px: Shifts of the copies of all lines, in the order of drawing.
+    """
+    margin = int(np.ceil(np.abs(step_px).max())) + 2
+    canvas = np.zeros((size + 2 * margin, size + 2 * margin), np.float32)
+    start, end = centre_px - step_px, centre_px + step_px
+    for copy in copies_px:
+        shift = np.array(copy) + margin
+        inside = np.all((centre_px + shift > 0) & (centre_px + shift < canvas.shape[0]), axis=-1)
+        for k in np.flatnonzero(inside):
+            a, b = np.round(start[k] + shift).astype(int), np.round(end[k] + shift).astype(int)
+            cv2.line(canvas, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), float(value[k]), 1)
     return canvas[margin : margin + size, margin : margin + size]

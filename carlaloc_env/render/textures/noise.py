@@ -55,8 +55,7 @@ def fbm(
     weight *= np.clip(2.0 * f / low - 1.0, 0.0, 1.0) * np.clip(2.0 - f / high, 0.0, 1.0)
     weight[0, 0] = 0.0
     field = np.fft.irfft2(np.fft.rfft2(white) * weight, s=(size, size)).astype(np.float32)
-    deviation = float(field.std())
-    return field / np.float32(max(deviation, 1e-9))
+    return field / np.float32(max(float(field.std()), 1e-9))
 
 
 def worley(rng: np.random.Generator, size: int, columns: int, rows: int, jitter: float = 0.9) -> WorleyCells:
@@ -65,8 +64,7 @@ def worley(rng: np.random.Generator, size: int, columns: int, rows: int, jitter:
     u = (np.arange(size, dtype=np.float32) + 0.5) / size * columns
     v = (np.arange(size, dtype=np.float32) + 0.5) / size * rows
     cu, cv = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
-    nearest = np.full((size, size), np.inf, np.float32)
-    second = nearest.copy()
+    nearest = second = np.full((size, size), np.inf, np.float32)
     index = np.zeros((size, size), np.int64)
     for dv in (-1, 0, 1):
         row = (cv + dv) % rows
@@ -154,25 +152,25 @@ def layer(
 
 def with_roughness(rgb: Field, roughness: ArrayLike) -> Layer:
     """Layer of a picture and its roughness."""
-    alpha = np.broadcast_to(np.asarray(roughness, dtype=np.float32), rgb.shape[:2])
-    return np.concatenate([np.clip(rgb, 0.02, 0.85), np.clip(alpha, 0.02, 1.0)[..., None]], axis=-1).astype(
-        np.float32
-    )
+    alpha = np.broadcast_to(np.asarray(roughness, dtype=np.float32), rgb.shape[:2])[..., None]
+    found = np.concatenate([np.clip(rgb, 0.02, 0.85), np.clip(alpha, 0.02, 1.0)], axis=-1)
+    return found.astype(np.float32)
 
 
-def levelled(tile: Layer, cycles: float, keep: float = 0.12) -> Layer:
+def levelled(tile: Layer, cycles: float) -> Layer:
     """The same layer without its slow variations, which show as a grid where many tiles lie side by side.
+
+    Of the slowest ones 12 % stay.
 
     Args:
         tile: A layer that repeats.
         cycles: Variations with fewer cycles per tile than this are weakened; the fall-off is Gaussian.
-        keep: Share of the slowest ones that stays.
     """
     log = np.log(tile[..., :3])
     size = log.shape[0]
     k = np.fft.fftfreq(size, 1.0 / size)
     slow = np.exp(-(k[:, None] ** 2 + k[None, :] ** 2) / cycles**2)
-    gain = 1.0 - (1.0 - keep) * slow
+    gain = 1.0 - (1.0 - 0.12) * slow
     gain[0, 0] = 1.0
     flat = np.fft.ifft2(np.fft.fft2(log, axes=(0, 1)) * gain[..., None], axes=(0, 1)).real
     rgb = np.exp(flat)

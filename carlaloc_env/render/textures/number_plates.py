@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from carlaloc_env.assets.number_plates import PLATE_COLUMNS, PLATE_ROWS, PLATE_SIZE_M, plate_text
-from carlaloc_env.render.textures.canvas import Canvas, Rgb
+from carlaloc_env.assets.number_plates import PLATE_COLUMNS, PLATE_ROWS, PLATE_SIZE_M, PLATES, plate_text
+from carlaloc_env.render.textures.canvas import Canvas, Rgb, strips
 from carlaloc_env.render.textures.noise import Layer
 
 _GROUNDS: tuple[Rgb, ...] = ((232, 232, 224), (232, 232, 224), (232, 232, 224), (238, 204, 70))
@@ -17,18 +17,12 @@ _INK: Rgb = (18, 18, 22)
 
 def number_plates(rng: np.random.Generator, size: int) -> Layer:
     """All number plates, row 0 at the bottom."""
-    cell = size // PLATE_COLUMNS
-    rows = []
-    for row in range(PLATE_ROWS):
-        plates = [
-            _plate(row * PLATE_COLUMNS + column, cell, rng, size // PLATE_ROWS)
-            for column in range(PLATE_COLUMNS)
-        ]
-        rows.append(np.concatenate(plates, axis=1))
-    return np.concatenate(rows)
+    width, height = size // PLATE_COLUMNS, size // PLATE_ROWS
+    plates = [_number_plate(k, width, height, rng) for k in range(PLATES)]
+    return strips(plates, columns=PLATE_COLUMNS, rows=PLATE_ROWS, size_px=size)
 
 
-def _plate(index: int, width_px: int, rng: np.random.Generator, height_px: int) -> Layer:
+def _number_plate(index: int, width_px: int, height_px: int, rng: np.random.Generator) -> Layer:
     c = Canvas(width_px, PLATE_SIZE_M[0] / PLATE_SIZE_M[1], _GROUNDS[index % PLATE_COLUMNS])
     c.rectangle(0.0, 0.0, 0.075, 1.0, (18, 58, 150))
     c.text(plate_text(index), 0.535, 0.5, 0.86, 0.62, _INK)

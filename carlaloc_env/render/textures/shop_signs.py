@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.assets.texture_atlas import BILLBOARDS, SHOP_NAMES
-from carlaloc_env.render.textures.canvas import Canvas, Rgb, strips
+from carlaloc_env.render.textures.canvas import Canvas, Rgb, scaled, strips
 from carlaloc_env.render.textures.noise import Layer
 
 _PAIRS: tuple[tuple[Rgb, Rgb], ...] = (
@@ -21,25 +21,17 @@ _FONTS = ("bold", "condensed", "black", "medium", "italic")
 
 def shop_signs(rng: np.random.Generator, size: int) -> Layer:
     """All names of `SHOP_NAMES`, two beside each other, from the bottom up."""
-    return strips(
-        [_sign(k, name, line, rng, size) for k, (name, line) in enumerate(SHOP_NAMES)],
-        columns=2,
-        rows=len(SHOP_NAMES) // 2,
-        size_px=size,
-    )
+    cells = [_shop_sign(k, name, line, rng, size) for k, (name, line) in enumerate(SHOP_NAMES)]
+    return strips(cells, columns=2, rows=len(SHOP_NAMES) // 2, size_px=size)
 
 
 def billboards(rng: np.random.Generator, size: int) -> Layer:
     """All pictures of `BILLBOARDS`, two beside each other, from the bottom up."""
-    return strips(
-        [_billboard(k, words, rng, size) for k, words in enumerate(BILLBOARDS)],
-        columns=2,
-        rows=len(BILLBOARDS) // 2,
-        size_px=size,
-    )
+    cells = [_billboard(k, words, rng, size) for k, words in enumerate(BILLBOARDS)]
+    return strips(cells, columns=2, rows=len(BILLBOARDS) // 2, size_px=size)
 
 
-def _sign(number: int, name: str, line: str, rng: np.random.Generator, size: int) -> Layer:
+def _shop_sign(number: int, name: str, line: str, rng: np.random.Generator, size: int) -> Layer:
     ground, ink = _PAIRS[number % len(_PAIRS)]
     font = _FONTS[(number // 2) % len(_FONTS)]
     c = Canvas(size // 2, 7.0, ground)
@@ -91,11 +83,7 @@ def _billboard(
 
 def _scene(c: Canvas, motif: str, ground: Rgb, ink: Rgb, rng: np.random.Generator) -> None:
     """Picture in the half that the words leave free, or behind them."""
-    mid: Rgb = (
-        (ground[0] + ink[0]) // 2,
-        (ground[1] + ink[1]) // 2,
-        (ground[2] + ink[2]) // 2,
-    )
+    mid: Rgb = ((ground[0] + ink[0]) // 2, (ground[1] + ink[1]) // 2, (ground[2] + ink[2]) // 2)
     if motif == "car":
         c.polygon([(0.58, 0.22), (0.60, 0.42), (0.68, 0.60), (0.84, 0.60), (0.93, 0.42), (0.96, 0.22)], mid)
         c.polygon([(0.64, 0.42), (0.70, 0.56), (0.76, 0.56), (0.76, 0.42)], ink)
@@ -106,11 +94,8 @@ def _scene(c: Canvas, motif: str, ground: Rgb, ink: Rgb, rng: np.random.Generato
         for k in range(5):
             t = np.linspace(0.0, 1.0, 24)
             ridge = 0.62 - 0.12 * k + 0.07 * np.sin(7 * t + 2 * k) * (1 + 0.2 * k)
-            shade = tuple(int(v * (0.9 - 0.13 * k)) for v in mid)
-            c.polygon(
-                np.concatenate([np.stack([t, ridge], -1), [(1.0, 0.0), (0.0, 0.0)]]),
-                (shade[0], shade[1], shade[2]),
-            )
+            outline = np.concatenate([np.stack([t, ridge], -1), [(1.0, 0.0), (0.0, 0.0)]])
+            c.polygon(outline, scaled(mid, 0.9 - 0.13 * k))
     elif motif == "burger":
         c.disc(0.22, 0.58, 0.30, (206, 140, 60), 0.75)
         c.rectangle(0.07, 0.42, 0.37, 0.56, (60, 120, 40))

@@ -53,25 +53,15 @@ def posters(rng: np.random.Generator, size: int) -> Layer:
 
 
 def _sign(cell: SignCell, size: int) -> Canvas:
-    limits = {
-        SignCell.SPEED_30: "30", SignCell.SPEED_40: "40", SignCell.SPEED_50: "50",
-        SignCell.SPEED_60: "60", SignCell.SPEED_90: "90",
-    }  # fmt: skip
-    if cell in limits:
-        return _speed(size, limits[cell])
+    if cell.name.startswith("SPEED_"):
+        return _speed(size, cell.name.removeprefix("SPEED_"))
     if cell in (SignCell.STREET_A, SignCell.STREET_B):
         return _street_names(size, 0 if cell is SignCell.STREET_A else 4)
     drawn = {
-        SignCell.STOP: _stop,
-        SignCell.YIELD: _yield,
-        SignCell.NO_ENTRY: _no_entry,
-        SignCell.ONE_WAY: _one_way,
-        SignCell.CROSSING: _crossing,
-        SignCell.PARKING: _parking,
-        SignCell.BUS_STOP: _bus_stop,
-        SignCell.PLATE: _plate,
-        SignCell.BACK: _back,
-    }
+        SignCell.STOP: _stop, SignCell.YIELD: _yield, SignCell.NO_ENTRY: _no_entry,
+        SignCell.ONE_WAY: _one_way, SignCell.CROSSING: _crossing, SignCell.PARKING: _parking,
+        SignCell.BUS_STOP: _bus_stop, SignCell.PLATE: _plate, SignCell.BACK: _back,
+    }  # fmt: skip
     return drawn[cell](size)
 
 
@@ -108,10 +98,8 @@ def _no_entry(size: int) -> Canvas:
 
 def _one_way(size: int) -> Canvas:
     c = Canvas(size, 3.0, _BLACK)
-    c.polygon(
-        [(0.04, 0.26), (0.80, 0.26), (0.80, 0.08), (0.97, 0.5), (0.80, 0.92), (0.80, 0.74), (0.04, 0.74)],
-        _WHITE,
-    )
+    head = [(0.80, 0.26), (0.80, 0.08), (0.97, 0.5), (0.80, 0.92), (0.80, 0.74)]
+    c.polygon([(0.04, 0.26), *head, (0.04, 0.74)], _WHITE)
     c.text("ONE WAY", 0.43, 0.5, 0.66, 0.30, _BLACK)
     return c
 
@@ -195,24 +183,19 @@ def _bill(cell: PosterCell, rng: np.random.Generator, size: int) -> Layer:
 
 def _motif(c: Canvas, name: str, ground: Rgb, ink: Rgb, rng: np.random.Generator) -> None:
     """Picture in the middle of a poster, between y = 0.19 and 0.74."""
-    half = tuple(int(0.5 * a + 0.5 * b) for a, b in zip(ground, ink, strict=True))
-    mid: Rgb = (half[0], half[1], half[2])
+    mid: Rgb = ((ground[0] + ink[0]) // 2, (ground[1] + ink[1]) // 2, (ground[2] + ink[2]) // 2)
     if name == "rays":
         for k in range(18):
             a, b = 2 * np.pi * k / 18, 2 * np.pi * (k + 0.5) / 18
-            c.polygon(
-                [(0.5, 0.46), (0.5 + np.cos(a), 0.46 + np.sin(a)), (0.5 + np.cos(b), 0.46 + np.sin(b))], ink
-            )
+            ends = [(0.5 + np.cos(angle), 0.46 + np.sin(angle)) for angle in (a, b)]
+            c.polygon([(0.5, 0.46), *ends], ink)
         c.disc(0.5, 0.46, 0.12, mid)
         c.disc(0.5, 0.46, 0.07, ground)
     elif name == "waves":
         t = np.linspace(0, 1, 40)
         for k in range(7):
-            c.line(
-                np.stack([t, 0.24 + 0.075 * k + 0.03 * np.sin(9 * t + k)], axis=-1),
-                0.022,
-                ink if k % 2 else mid,
-            )
+            wave = np.stack([t, 0.24 + 0.075 * k + 0.03 * np.sin(9 * t + k)], axis=-1)
+            c.line(wave, 0.022, ink if k % 2 else mid)
     elif name == "sun":
         c.rectangle(0.0, 0.19, 1.0, 0.36, (20, 80, 130))
         c.disc(0.66, 0.56, 0.11, ink)
@@ -234,9 +217,8 @@ def _motif(c: Canvas, name: str, ground: Rgb, ink: Rgb, rng: np.random.Generator
             c.disc(0.30, 0.63, 0.05, ink)
             c.disc(0.70, 0.63, 0.05, ink)
         else:
-            c.polygon(
-                [(0.30, 0.62), (0.36, 0.71), (0.64, 0.71), (0.70, 0.62), (0.62, 0.64), (0.38, 0.64)], mid
-            )
+            hat = [(0.30, 0.62), (0.36, 0.71), (0.64, 0.71), (0.70, 0.62), (0.62, 0.64), (0.38, 0.64)]
+            c.polygon(hat, mid)
     elif name == "arches":
         for x in (0.18, 0.5, 0.82):
             c.rectangle(x - 0.12, 0.19, x + 0.12, 0.50, ink)
@@ -246,7 +228,7 @@ def _motif(c: Canvas, name: str, ground: Rgb, ink: Rgb, rng: np.random.Generator
     else:
         for _ in range(14 if name == "discs" else 18):
             x, y, s = rng.uniform(0.08, 0.92), rng.uniform(0.26, 0.68), rng.uniform(0.03, 0.09)
-            tone = (ink, mid, (int(255 - ink[0]), int(255 - ink[1]), ink[2]))[int(rng.integers(3))]
+            tone = (ink, mid, (255 - ink[0], 255 - ink[1], ink[2]))[int(rng.integers(3))]
             if name == "discs":
                 c.disc(x, y, s, tone)
             elif name == "blocks":

@@ -24,9 +24,8 @@ def plain(rng: np.random.Generator, size: int) -> Layer:
 
 def painted_metal(rng: np.random.Generator, size: int) -> Layer:
     """White paint with runs, scratches and dust; the tint colours it."""
-    log = 0.05 * fbm(rng, size, 0.5, 0.02, 0.7) - 0.06 * smoothstep(
-        0.8, 2.4, fbm(rng, size, 0.10, 0.01, 0.7, (1.0, 8.0))
-    )
+    log = 0.05 * fbm(rng, size, 0.5, 0.02, 0.7)
+    log -= 0.06 * smoothstep(0.8, 2.4, fbm(rng, size, 0.10, 0.01, 0.7, (1.0, 8.0)))
     log += -0.18 * smoothstep(2.4, 2.9, fbm(rng, size, 0.05, 0.005, 0.8, (6.0, 1.0)))
     return layer((0.76, 0.76, 0.76), log, 0.4 + 0.04 * fbm(rng, size, 0.2, 0.02))
 
@@ -41,9 +40,8 @@ def galvanised(rng: np.random.Generator, size: int) -> Layer:
     """Zinc spangle with runs of white rust."""
     spangle = worley(rng, size, 60, 60)
     log = per_cell(rng, spangle.owner, 0.10) - 0.06 * smoothstep(0.08, 0.0, spangle.edge)
-    log += 0.06 * fbm(rng, size, 0.5, 0.02, 0.7) - 0.12 * smoothstep(
-        0.7, 2.2, fbm(rng, size, 0.1, 0.01, 0.7, (1.0, 7.0))
-    )
+    dust = 0.06 * fbm(rng, size, 0.5, 0.02, 0.7)
+    log += dust - 0.12 * smoothstep(0.7, 2.2, fbm(rng, size, 0.1, 0.01, 0.7, (1.0, 7.0)))
     return layer((0.40, 0.405, 0.41), log, 0.45 + 0.05 * per_cell(rng, spangle.owner, 1.0))
 
 
@@ -62,9 +60,8 @@ def rubber(rng: np.random.Generator, size: int) -> Layer:
 
 def plastic(rng: np.random.Generator, size: int) -> Layer:
     """White plastic with a fine grain; the tint colours it."""
-    return layer(
-        (0.76, 0.76, 0.76), 0.05 * fbm(rng, size, 0.02, 0.004, 1.0) + 0.04 * fbm(rng, size, 0.5, 0.05), 0.5
-    )
+    log = 0.05 * fbm(rng, size, 0.02, 0.004, 1.0) + 0.04 * fbm(rng, size, 0.5, 0.05)
+    return layer((0.76, 0.76, 0.76), log, 0.5)
 
 
 def cloth(rng: np.random.Generator, size: int) -> Layer:

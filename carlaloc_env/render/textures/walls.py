@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.render.textures.block_patterns import BLOCK_PATTERNS
-from carlaloc_env.render.textures.ground import _cracks, _pits
+from carlaloc_env.render.textures.ground import cracks, pits
 from carlaloc_env.render.textures.noise import (
     Layer,
     blocks,
@@ -29,16 +29,15 @@ def brick(rng: np.random.Generator, size: int, colour: tuple[float, float, float
     joint = smoothstep(0.0085, 0.0035, joint_m + 0.0012 * fbm(rng, size, 0.02, 0.005))
     log = per_cell(rng, index, 0.17) + 0.09 * fbm(rng, size, 0.03, 0.004, 0.95)
     hue = per_cell(rng, index, 0.16)
-    face = np.array(colour, np.float32) * np.exp(
-        log[..., None] + hue[..., None] * np.array([0.4, -0.1, -0.4], np.float32)
-    )
+    tone = log[..., None] + hue[..., None] * np.array([0.4, -0.1, -0.4], np.float32)
+    face = np.array(colour, np.float32) * np.exp(tone)
     mortar = np.array([0.31, 0.29, 0.255], np.float32) * np.exp(0.12 * fbm(rng, size, 0.03, 0.005))[..., None]
     rgb = face + joint[..., None] * (mortar - face)
     bloom = 0.30 * smoothstep(0.9, 2.6, fbm(rng, size, 0.45, 0.02, 0.7))
     soot = -0.16 * smoothstep(0.3, 2.0, fbm(rng, size, 0.35, 0.02, 0.7, (1.0, 3.0)))
     rgb = (rgb + bloom[..., None] * (0.42 - rgb)) * np.exp(soot + 0.05 * fbm(rng, size, 0.6, 0.05))[..., None]
-    mean = tuple(float(0.86 * c + 0.05) for c in colour)
-    return layer((mean[0], mean[1], mean[2]), np.log(np.maximum(rgb, 0.01)), 0.85)
+    red, green, blue = (0.86 * c + 0.05 for c in colour)
+    return layer((red, green, blue), np.log(np.maximum(rgb, 0.01)), 0.85)
 
 
 def plaster(rng: np.random.Generator, size: int) -> Layer:
@@ -46,10 +45,10 @@ def plaster(rng: np.random.Generator, size: int) -> Layer:
     log = 0.06 * fbm(rng, size, 0.5, 0.02, 0.75) + 0.07 * fbm(rng, size, 0.02, 0.004, 1.0)
     runs = smoothstep(0.4, 2.2, fbm(rng, size, 0.10, 0.008, 0.7, (1.0, 10.0)))
     log += -0.16 * runs
-    log += np.log(0.62) * _cracks(rng, size, 3, 0.22, 0.010)
+    log += np.log(0.62) * cracks(rng, size, 3, 0.22, 0.010)
     mended = smoothstep(1.6, 1.75, fbm(rng, size, 0.35, 0.06, 0.5))
     log += mended * (0.10 + 0.05 * fbm(rng, size, 0.02, 0.005))
-    log += np.log(0.6) * _pits(rng, size, 60, 0.04, 0.12)
+    log += np.log(0.6) * pits(rng, size, 60, 0.04, 0.12)
     return layer((0.55, 0.53, 0.485), log, 0.9)
 
 
@@ -60,11 +59,8 @@ def ashlar(rng: np.random.Generator, size: int) -> Layer:
     index, side, bed = blocks(size, pattern.columns, pattern.rows, pattern.offset, wobble)
     joint_m = tile_m * np.minimum(side / pattern.columns, bed / pattern.rows)
     pores = worley(rng, size, 150, 150)
-    log = (
-        per_cell(rng, index, 0.13)
-        + 0.09 * fbm(rng, size, 0.12, 0.01, 0.8)
-        + 0.05 * fbm(rng, size, 0.01, 0.004, 1.0)
-    )
+    log = per_cell(rng, index, 0.13) + 0.09 * fbm(rng, size, 0.12, 0.01, 0.8)
+    log += 0.05 * fbm(rng, size, 0.01, 0.004, 1.0)
     log += -0.55 * smoothstep(0.008, 0.003, joint_m) - 0.12 * smoothstep(0.03, 0.008, joint_m)
     log += -0.35 * (rng.random(150 * 150)[pores.owner] < 0.05) * smoothstep(0.4, 0.2, pores.nearest)
     log += -0.18 * smoothstep(0.3, 2.2, fbm(rng, size, 0.2, 0.012, 0.7, (1.0, 6.0)))
@@ -88,7 +84,7 @@ def concrete_panel(rng: np.random.Generator, size: int) -> Layer:
     log += -0.9 * smoothstep(0.022, 0.014, joint_m) - 0.6 * holes
     streak = smoothstep(0.2, 2.0, fbm(rng, size, 0.08, 0.006, 0.75, (1.0, 8.0)))
     log += -0.20 * streak * smoothstep(0.0, 0.6, np.mod(v * pattern.rows, 1) + 0 * u)
-    log += np.log(0.7) * _pits(rng, size, 130, 0.06, 0.14)
+    log += np.log(0.7) * pits(rng, size, 130, 0.06, 0.14)
     return layer((0.345, 0.335, 0.31), log, 0.8)
 
 
@@ -107,10 +103,8 @@ def curtain_wall(rng: np.random.Generator, size: int) -> Layer:
     ceiling = 0.10 * smoothstep(0.05, 0.02, np.abs(height - 0.82)) * (np.mod(index, 3) == 0)
     covered = smoothstep(-0.01, 0.01, height - (1 - blind)) * (blind > 0)
     value = glass + ceiling + covered * (0.26 * slat - glass) * 0.8
-    rgb = (
-        value[..., None] * np.array([0.86, 1.0, 1.12], np.float32)
-        + 0.006 * np.abs(fbm(rng, size, 0.2, 0.01))[..., None]
-    )
+    rgb = value[..., None] * np.array([0.86, 1.0, 1.12], np.float32)
+    rgb = rgb + 0.006 * np.abs(fbm(rng, size, 0.2, 0.01))[..., None]
     frame = np.maximum(smoothstep(0.034, 0.028, side_m), smoothstep(0.045, 0.038, bed_m))
     metal = np.array([0.25, 0.25, 0.255], np.float32) * np.exp(0.10 * fbm(rng, size, 0.1, 0.01))[..., None]
     spandrel = (height < 0.20).astype(np.float32)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.assets.texture_atlas import DoorCell, ShopBCell, ShopCell, WideWindowCell, WindowCell
-from carlaloc_env.render.textures.canvas import Canvas, Rgb, sheet, strips
+from carlaloc_env.render.textures.canvas import Canvas, Rgb, scaled, sheet, strips
 from carlaloc_env.render.textures.noise import Layer
 
 _GLASS_ROUGHNESS = 0.06
 """Roughness of panes."""
+_THREE_PANES = (
+    WindowCell.PLAIN, WindowCell.NET, WindowCell.CURTAIN_WHITE, WindowCell.PLANT, WindowCell.LAMP,
+)  # fmt: skip
+"""Windows with sashes of three panes; the others have two."""
 _SHOPS: dict[str, tuple[str, str, Rgb, Rgb, Rgb]] = {
     ShopCell.CAFE.name: ("CAFE LUNA", "coffee & cake", (60, 30, 22), (240, 214, 160), (160, 40, 36)),
     ShopCell.BOOKS.name: ("OLD BOOKS", "rare & used", (24, 58, 46), (236, 226, 190), (40, 96, 74)),
@@ -29,8 +33,7 @@ _SHOPS: dict[str, tuple[str, str, Rgb, Rgb, Rgb]] = {
 """Name, line below, board colour, letter colour, awning colour."""
 _FRUIT: tuple[Rgb, ...] = (
     (206, 36, 30), (236, 140, 24), (240, 206, 40), (96, 160, 44), (150, 190, 60), (120, 40, 84),
-    (250, 176, 60),
-    (170, 24, 40), (226, 220, 190),
+    (250, 176, 60), (170, 24, 40), (226, 220, 190),
 )  # fmt: skip
 """Colours of fruit on show, sRGB."""
 
@@ -61,12 +64,7 @@ def wide_windows(rng: np.random.Generator, size: int) -> Layer:
 
 def doors(rng: np.random.Generator, size: int) -> Layer:
     """Panelled, glazed, steel and garage door."""
-    drawn = {
-        DoorCell.PANELLED: _panelled,
-        DoorCell.GLAZED: _glazed,
-        DoorCell.STEEL: _steel,
-        DoorCell.GARAGE: _garage,
-    }
+    drawn = (_panelled, _glazed, _steel, _garage)
     return sheet([drawn[cell](rng, size // 2) for cell in DoorCell], 2)
 
 
@@ -75,38 +73,24 @@ def _window(cell: WindowCell, rng: np.random.Generator, size: int) -> Layer:
     frame: Rgb = (62, 52, 44) if dark_frame else (206, 202, 192)
     c = Canvas(size, 0.72, frame)
     base = int(rng.integers(34, 52))
-    c.shade(
-        0.07,
-        0.05,
-        0.93,
-        0.95,
-        (base, base + 3, base + 6),
-        (base + 22, base + 28, base + 34),
-        _GLASS_ROUGHNESS,
-    )
+    low, high = (base, base + 3, base + 6), (base + 22, base + 28, base + 34)
+    c.shade(0.07, 0.05, 0.93, 0.95, low, high, _GLASS_ROUGHNESS)
     _behind(c, cell, rng)
-    for x in (0.5,):
-        c.rectangle(x - 0.03, 0.03, x + 0.03, 0.97, frame, 0.5)
-    if cell in (
-        WindowCell.PLAIN,
-        WindowCell.NET,
-        WindowCell.CURTAIN_WHITE,
-        WindowCell.PLANT,
-        WindowCell.LAMP,
-    ):
+    c.rectangle(0.5 - 0.03, 0.03, 0.5 + 0.03, 0.97, frame, 0.5)
+    if cell in _THREE_PANES:
         for y in (0.36, 0.66):
             c.rectangle(0.05, y - 0.012, 0.95, y + 0.012, frame, 0.5)
     else:
         c.rectangle(0.05, 0.68, 0.95, 0.715, frame, 0.5)
-    shadow = tuple(int(0.55 * v) for v in frame)
+    shadow = scaled(frame, 0.55)
     for x in (0.07, 0.53):
-        c.rectangle(x, 0.05, x + 0.012, 0.95, (shadow[0], shadow[1], shadow[2]))
-    c.rectangle(0.07, 0.935, 0.93, 0.95, (shadow[0], shadow[1], shadow[2]))
+        c.rectangle(x, 0.05, x + 0.012, 0.95, shadow)
+    c.rectangle(0.07, 0.935, 0.93, 0.95, shadow)
     return c.cell(rng, 0.04)
 
 
 def _behind(c: Canvas, cell: WindowCell, rng: np.random.Generator) -> None:
-    """What stands behind the glass."""
+    """Draw blinds, curtains and things behind the glass."""
     blind: Rgb = (196, 190, 172)
     heights = {WindowCell.BLIND_LOW: 0.72, WindowCell.BLIND_HALF: 0.48, WindowCell.BLIND_FULL: 0.10}
     if cell in heights:
@@ -123,11 +107,11 @@ def _behind(c: Canvas, cell: WindowCell, rng: np.random.Generator) -> None:
     if cell is WindowCell.NET:
         c.shade(0.07, 0.05, 0.93, 0.62, (150, 150, 148), (120, 122, 124))
         for x in np.linspace(0.09, 0.91, 15):
-            c.rectangle(float(x), 0.05, float(x) + 0.014, 0.62, (168, 168, 164))
+            c.rectangle(x, 0.05, x + 0.014, 0.62, (168, 168, 164))
     if cell in (WindowCell.SLATS, WindowCell.SLATS_HALF):
         low = 0.08 if cell is WindowCell.SLATS else 0.5
         for y in np.arange(low, 0.93, 0.036):
-            c.rectangle(0.07, float(y), 0.93, float(y) + 0.021, (176, 174, 164))
+            c.rectangle(0.07, y, 0.93, y + 0.021, (176, 174, 164))
     if cell is WindowCell.PLANT:
         for x in (0.24, 0.74):
             c.rectangle(x - 0.07, 0.05, x + 0.07, 0.15, (150, 78, 44))
@@ -142,9 +126,7 @@ def _behind(c: Canvas, cell: WindowCell, rng: np.random.Generator) -> None:
             c.rectangle(0.09, y, 0.91, y + 0.018, (112, 80, 54))
             for x in np.arange(0.10, 0.88, 0.045):
                 high = rng.uniform(0.08, 0.15)
-                c.rectangle(
-                    float(x), y + 0.018, float(x) + 0.036, y + 0.018 + high, _random_colour(rng, 60, 170)
-                )
+                c.rectangle(x, y + 0.018, x + 0.036, y + 0.018 + high, _random_colour(rng, 60, 170))
     if cell is WindowCell.OPEN_SASH:
         c.rectangle(0.07, 0.05, 0.47, 0.66, (16, 16, 18), 0.9)
         c.polygon([(0.07, 0.05), (0.20, 0.12), (0.20, 0.74), (0.07, 0.66)], (188, 186, 180))
@@ -171,7 +153,7 @@ def _wide_window(cell: WideWindowCell, rng: np.random.Generator, size: int) -> L
         c.rectangle(0.62, 0.06, 0.78, 0.40, _random_colour(rng, 50, 120))
     if cell in (WideWindowCell.BLINDS, WideWindowCell.HALF_BLINDS):
         for y in np.arange(0.10 if cell is WideWindowCell.BLINDS else 0.5, 0.92, 0.042):
-            c.rectangle(0.04, float(y), 0.96, float(y) + 0.026, (178, 176, 166))
+            c.rectangle(0.04, y, 0.96, y + 0.026, (178, 176, 166))
     if cell is WideWindowCell.CURTAINS:
         _curtains(c, (196, 186, 160), rng)
     if cell is WideWindowCell.PLANTS:
@@ -193,10 +175,9 @@ def _curtains(c: Canvas, colour: Rgb, rng: np.random.Generator) -> None:
         reach = float(rng.uniform(0.16, 0.30))
         for k in range(6):
             tone = 0.72 + 0.28 * np.cos(np.pi * k * 0.9) + float(rng.normal(0, 0.04))
-            shade = tuple(int(np.clip(v * tone, 0, 255)) for v in colour)
             a, b = k / 6 * reach, (k + 1) / 6 * reach
             x0, x1 = (0.07 + a, 0.07 + b) if side == 0 else (0.93 - b, 0.93 - a)
-            c.rectangle(x0, 0.05, x1, 0.95, (shade[0], shade[1], shade[2]))
+            c.rectangle(x0, 0.05, x1, 0.95, scaled(colour, tone))
 
 
 def _shop(cell: str, rng: np.random.Generator, size: int) -> Layer:
@@ -218,16 +199,9 @@ def _shop(cell: str, rng: np.random.Generator, size: int) -> Layer:
         c.rectangle(0.03, y - 0.012, 0.71, y + 0.012, board, 0.4)
     c.text(line, 0.20, 0.70, 0.28, 0.04, (240, 236, 220))
     for k in range(14):
-        c.polygon(
-            [
-                (k / 14, 0.84),
-                ((k + 1) / 14, 0.84),
-                ((k + 1) / 14, 0.755),
-                ((k + 0.5) / 14, 0.735),
-                (k / 14, 0.755),
-            ],
-            awning if k % 2 else (232, 228, 214),
-        )
+        left, middle, right = k / 14, (k + 0.5) / 14, (k + 1) / 14
+        stripe = [(left, 0.84), (right, 0.84), (right, 0.755), (middle, 0.735), (left, 0.755)]
+        c.polygon(stripe, awning if k % 2 else (232, 228, 214))
     return c.cell(rng, 0.05)
 
 
@@ -237,10 +211,8 @@ def _goods(c: Canvas, cell: str, rng: np.random.Generator) -> None:
             colour = _random_colour(rng, 60, 220)
             c.disc(x, 0.60, 0.024, (214, 180, 150), 1.2)
             c.polygon([(x - 0.05, 0.55), (x + 0.05, 0.55), (x + 0.035, 0.40), (x - 0.035, 0.40)], colour)
-            c.polygon(
-                [(x - 0.035, 0.40), (x + 0.035, 0.40), (x + 0.065, 0.16), (x - 0.065, 0.16)],
-                _random_colour(rng, 40, 200),
-            )
+            skirt = [(x - 0.035, 0.40), (x + 0.035, 0.40), (x + 0.065, 0.16), (x - 0.065, 0.16)]
+            c.polygon(skirt, _random_colour(rng, 40, 200))
         return
     rows = (0.14, 0.30, 0.46, 0.60)
     for y in rows:
@@ -251,9 +223,7 @@ def _goods(c: Canvas, cell: str, rng: np.random.Generator) -> None:
                 ripe = _FRUIT if cell == "GROCER" else _BREAD
                 colour = ripe[int(rng.integers(len(ripe)))]
                 for _ in range(7):
-                    c.disc(
-                        x + float(rng.uniform(0.01, 0.06)), y + float(rng.uniform(0.01, 0.05)), 0.014, colour
-                    )
+                    c.disc(x + rng.uniform(0.01, 0.06), y + rng.uniform(0.01, 0.05), 0.014, colour)
                 x += 0.075
             elif cell in ("BOOKS", "PHARMACY"):
                 w, h = float(rng.uniform(0.010, 0.022)), float(rng.uniform(0.07, 0.12))
@@ -262,14 +232,8 @@ def _goods(c: Canvas, cell: str, rng: np.random.Generator) -> None:
             elif cell == "ELECTRO":
                 w = float(rng.uniform(0.06, 0.13))
                 c.rectangle(x, y, x + w, y + 0.11, (18, 18, 20))
-                c.shade(
-                    x + 0.006,
-                    y + 0.012,
-                    x + w - 0.006,
-                    y + 0.10,
-                    _random_colour(rng, 20, 200),
-                    _random_colour(rng, 60, 240),
-                )
+                low, high = _random_colour(rng, 20, 200), _random_colour(rng, 60, 240)
+                c.shade(x + 0.006, y + 0.012, x + w - 0.006, y + 0.10, low, high)
                 x += w + 0.012
             else:
                 c.rectangle(x, y, x + 0.03, y + 0.045, _random_colour(rng, 110, 240))
@@ -307,7 +271,7 @@ def _steel(rng: np.random.Generator, size: int) -> Layer:
     c = Canvas(size, 0.45, (98, 104, 110))
     c.rectangle(0.06, 0.0, 0.94, 0.97, (120, 128, 134), 0.4)
     for y in np.arange(0.10, 0.34, 0.035):
-        c.rectangle(0.24, float(y), 0.76, float(y) + 0.016, (60, 64, 68))
+        c.rectangle(0.24, y, 0.76, y + 0.016, (60, 64, 68))
     c.rectangle(0.30, 0.66, 0.70, 0.78, (226, 190, 30))
     c.text("EXIT", 0.5, 0.72, 0.34, 0.05, (20, 20, 20))
     c.rectangle(0.80, 0.43, 0.90, 0.46, (40, 40, 42))
@@ -322,19 +286,11 @@ def _garage(rng: np.random.Generator, size: int) -> Layer:
         y = 0.02 + k * 0.192
         c.shade(0.03, y, 0.97, y + 0.18, (170, 166, 154), (206, 202, 190), 0.5)
         for x in np.linspace(0.06, 0.76, 4):
-            c.rectangle(float(x), y + 0.035, float(x) + 0.17, y + 0.145, (150, 146, 134))
-            c.rectangle(float(x) + 0.012, y + 0.05, float(x) + 0.158, y + 0.13, (190, 186, 174))
+            c.rectangle(x, y + 0.035, x + 0.17, y + 0.145, (150, 146, 134))
+            c.rectangle(x + 0.012, y + 0.05, x + 0.158, y + 0.13, (190, 186, 174))
         c.rectangle(0.03, y + 0.18, 0.97, y + 0.192, (84, 82, 76))
     for x in np.linspace(0.06, 0.76, 4):
-        c.shade(
-            float(x) + 0.012,
-            0.02 + 0.576 + 0.05,
-            float(x) + 0.158,
-            0.02 + 0.576 + 0.13,
-            (40, 44, 48),
-            (80, 86, 92),
-            0.06,
-        )
+        c.shade(x + 0.012, 0.646, x + 0.158, 0.726, (40, 44, 48), (80, 86, 92), _GLASS_ROUGHNESS)
     c.rectangle(0.46, 0.06, 0.54, 0.085, (40, 40, 40))
     return c.cell(rng, 0.05)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
-from carlaloc_env.scene import materials
+from carlaloc_env.scene.materials import material_values
 from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS, Atmosphere
 from carlaloc_env.sensors.lidar.kernels import strengths
 from carlaloc_env.sensors.lidar.weather_echoes import BEAM_MRAD, SolidEchoes, strongest_echoes
@@ -24,8 +24,8 @@ class EchoModel:
 
     def __init__(self, config: LidarConfig) -> None:
         self._config = config
-        self._reflectance = materials.table("reflectance")
-        self._retro = materials.table("retro")
+        self._reflectance = material_values("reflectance")
+        self._retro = material_values("retro")
 
     def strength(self, hits: Hits) -> F32:
         """Return strength 0–255: diffuse surfaces up to 100, retro-reflectors above (Velodyne's scale)."""

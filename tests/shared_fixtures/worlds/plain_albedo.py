@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.scene import materials
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, material_values
 
 _COLOURS: dict[str, tuple[float, float, float]] = {
     "ASPHALT": (0.10, 0.10, 0.10), "ASPHALT_OLD": (0.13, 0.13, 0.12),
@@ -24,5 +23,5 @@ _COLOURS: dict[str, tuple[float, float, float]] = {
 def plain_albedo() -> np.ndarray:
     """One colour and roughness per material instead of textures, shape (M, 1, 1, 4)."""
     rows = [_COLOURS.get(material.name, (0.3, 0.3, 0.3)) for material in Material]
-    roughness = materials.table("roughness")[:, None]
+    roughness = material_values("roughness")[:, None]
     return np.concatenate([np.array(rows), roughness], axis=1).astype(np.float16)[:, None, None]

@@ -1,4 +1,4 @@
-"""Speed: what shows in no pixel is found on the CPU and not drawn; the plain way draws all of it.
+"""Speed: triangles that show in no pixel are found on the CPU and not drawn.
 
-What it buys: docs/performance.md.
+Timings: docs/performance.md.
 """

@@ -1,4 +1,4 @@
-"""What hides entirely behind what has been drawn already.
+"""Boxes that are hidden entirely by surfaces drawn before.
 
 A half-drawn picture is read back and reduced to the farthest depth of every tile. A box whose nearest
 corner lies beyond that in all tiles that it may touch shows in no pixel, so leaving it out changes
@@ -50,7 +50,7 @@ class Depths:
     def carried(
         cls, view: CameraView, earlier: CameraView, depth_m: F32, instance: NDArray[np.uint32]
     ) -> Depths:
-        """What will hide in a picture that is not drawn yet, by the surfaces of one shortly before.
+        """Depths of a picture that is not drawn yet, by the surfaces of one shortly before.
 
         Args:
             view: Camera.
@@ -128,13 +128,7 @@ def _farthest(out: NDArray[np.uint32], depth_bits: NDArray[np.uint32], row: NDAr
 
 
 @compiled
-def _carry(
-    out: F32,
-    depth_m: F32,
-    instance: NDArray[np.uint32],
-    to: Array,
-    clip: Array,
-) -> None:
+def _carry(out: F32, depth_m: F32, instance: NDArray[np.uint32], to: Array, clip: Array) -> None:
     """`to`: from the earlier optical frame to cells of this picture times depth (3, 4); `clip`: earlier."""
     height, width = depth_m.shape
     rows, columns = out.shape

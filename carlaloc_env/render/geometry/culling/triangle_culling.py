@@ -52,14 +52,10 @@ class TriangleCuller:
         width, height = view.size_px
         sx, sy, ox, oy = view.clip_scale
         R = view.R_camera_world
-        turn = np.stack(
-            [
-                0.5 * width * (sx * R[0] + (ox + 1.0) * R[2]),
-                0.5 * height * (sy * R[1] + (oy + 1.0) * R[2]),
-                R[2],
-            ]
-        )
-        # As single precision, which is what the graphics are told.
+        to_u = 0.5 * width * (sx * R[0] + (ox + 1.0) * R[2])
+        to_v = 0.5 * height * (sy * R[1] + (oy + 1.0) * R[2])
+        turn = np.stack([to_u, to_v, R[2]])
+        # In single precision, as the graphics get it.
         eye = view.position_m.astype(np.float32).astype(np.float64)
         self._to = np.column_stack([turn, -np.sum(turn * eye, axis=1)])
         self._shape = np.array([width, height, 0.5 * max(width * sx, height * sy)])
@@ -156,7 +152,7 @@ def _keep(
             )
             near = min(z0, min(z1, z2))
             if near < NEAR_M + 0.01:
-                # What reaches behind the eye has no place in the picture to be tested by.
+                # A triangle that reaches behind the eye has no outline in the picture to test.
                 if max(z0, max(z1, z2)) > NEAR_M - 0.01:
                     out[at], out[at + 1], out[at + 2] = a, b, c
                     at += 3

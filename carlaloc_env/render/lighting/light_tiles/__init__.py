@@ -1,4 +1,4 @@
 """Speed by night: every tile of an image has lists of the lamps that show in it.
 
-The plain way is one list for the whole image; what the tiles buy: docs/performance.md.
+Without tiles there would be one list for the whole image. Timings: docs/performance.md.
 """

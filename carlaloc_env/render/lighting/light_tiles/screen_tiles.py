@@ -1,4 +1,4 @@
-"""Tiles of a picture, and what they show: shading runs other programs where other things are seen."""
+"""Tiles of a picture, sorted by their content, since shading runs a program for each kind of content."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class DepthRange:
 
     @property
     def shown(self) -> NDArray[np.intp]:
-        """What tiles show, shape (R, C): surfaces (0), these and sky (1), sky only (2)."""
+        """Content of tiles, shape (R, C): surfaces only (0), surfaces and sky (1), sky only (2)."""
         return np.asarray(self.sky.astype(np.intp) + np.isinf(self.near_m))
 
     @classmethod
@@ -53,7 +53,7 @@ class TileGroups:
     groups: dict[tuple[str, ...], tuple[int, int]]
     """By the features: first tile and how many; within a group first surfaces, at last the sky only."""
     shown: NDArray[np.intp]
-    """What every tile shows, as in `DepthRange.shown`, shape (len(tiles),)."""
+    """Content of every tile, as in `DepthRange.shown`, shape (len(tiles),)."""
 
     @classmethod
     def sorted_by(

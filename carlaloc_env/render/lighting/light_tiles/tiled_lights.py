@@ -34,22 +34,16 @@ SKY_M = 1000.0
 LIGHT_CUTOFF = 3e-4
 """Exposed light of a lamp that no picture shows: half a step of 8 bits at what is dark in a town."""
 
-LOOPS: tuple[tuple[str, ...], ...] = (
-    (),
-    ("GLOWS",),
-    ("LAMPS",),
-    ("GLOWS", "LAMPS"),
-    ("BEAMS",),
-    ("GLOWS", "BEAMS"),
-    ("LAMPS", "BEAMS"),
-    ("GLOWS", "LAMPS", "BEAMS"),
+LOOPS = tuple(
+    tuple(name for bit, name in enumerate(("GLOWS", "LAMPS", "BEAMS")) if kind >> bit & 1)
+    for kind in range(8)
 )
 """Kinds of tiles by the loops that they run, a bit each: a loop without entries costs as one with one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fog:
-    """What scatters the light of lamps on its way."""
+    """Air that scatters the light of lamps."""
 
     extinction_per_m: float
     """Where the eye is [1/m]."""
@@ -78,12 +72,12 @@ class LightGrid:
 
     @property
     def glows(self) -> NDArray[np.intp]:
-        """Entries of what lights the air."""
+        """Entries of lights of the air."""
         return self.entries[: self.glow_count]
 
     @property
     def lamps(self) -> NDArray[np.intp]:
-        """Entries of what lights surfaces."""
+        """Entries of lights of surfaces."""
         return self.entries[self.glow_count :]
 
 
@@ -103,18 +97,17 @@ def light_grid(
     Args:
         view: Camera.
         lights: At most as many as the shaders hold.
-        depths: What the tiles show.
+        depths: Depths of the surfaces in the tiles.
         exposure: Picture value per luminance [m²/cd].
-        fog: What glows round the lamps; nothing when left out.
+        fog: Air that glows round the lamps; clear when left out.
         depth_m: Planar depth, 0 = sky, shape (H, W); with it, lamps that light nothing in a tile are
             left out of its lists.
         normal_codes: Octahedral world normals, shape (H, W, 2); with them, lamps that surfaces turn away
             from are left out, too.
         least: Exposed light of one lamp that is not seen.
     """
-    centre = (
-        lights.position_m + np.where(lights.beam[:, None], 0.5, 0.0) * lights.axis * (lights.range_m[:, None])
-    )
+    ahead = np.where(lights.beam[:, None], 0.5, 0.0) * lights.axis * lights.range_m[:, None]
+    centre = lights.position_m + ahead
     radius = np.where(lights.beam, 0.55, 1.0) * lights.range_m
     glow = np.zeros(len(lights)) if fog is None else fog.glow_range_m(lights, exposure)
     near, far = depths.near_m[..., None], depths.far_m[..., None]
@@ -139,6 +132,7 @@ def _keep_lit(
     least: float,
 ) -> None:
     """Leave only lamps in the lists of tiles (R, C, N) that light what these show."""
+    strength = lights.colour_cd.max(axis=1, initial=0.0) * (exposure / math.pi)
     keep_lit(
         surface,
         np.empty((7, TILE_PX * TILE_PX)),
@@ -151,14 +145,7 @@ def _keep_lit(
         lights.axis,
         lights.left,
         cross(lights.axis, lights.left),
-        np.column_stack(
-            [
-                lights.colour_cd.max(axis=1, initial=0.0) * (exposure / math.pi),
-                lights.cap,
-                lights.edge,
-                lights.range_m,
-            ]
-        ),
+        np.column_stack([strength, lights.cap, lights.edge, lights.range_m]),
         lights.beam,
         least,
     )

@@ -1,5 +1,5 @@
 """Speed on drivers that draw on a CPU: streaks of rain on the few pixels that they touch of an image.
 
-The plain way lays a layer of all streaks over the light of every pixel before it is developed; what this
-buys: docs/performance.md.
+Otherwise a layer of all streaks would be laid over the light of every pixel before it is developed.
+Timings: docs/performance.md.
 """

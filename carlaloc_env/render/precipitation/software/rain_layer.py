@@ -25,7 +25,7 @@ from carlaloc_env.render.precipitation.software.streak_kernels import (
 )
 
 UNSEEN_STEP = 0.25
-"""Change that nobody sees [steps of 8 bits]."""
+"""Largest change that stays invisible [steps of 8 bits]."""
 _STEPS = 4096
 """Steps of the root of exposed light up to 2."""
 _UNKNOWN = np.zeros((0, 4), np.uint8)
@@ -149,9 +149,8 @@ class _Seen(NamedTuple):
 
     def take(self, which: NDArray[np.bool_]) -> _Seen:
         """Some of them."""
-        return _Seen(
-            self.begin_m[which], self.end_m[which], self.diameter_m[which], self.light[which], self.intrinsics
-        )
+        begin, end, diameter, light, intrinsics = self
+        return _Seen(begin[which], end[which], diameter[which], light[which], intrinsics)
 
 
 def _seen_by(view: CameraView, streaks: Streaks, light: Array) -> _Seen:
@@ -184,13 +183,12 @@ def undeveloped(code: Array) -> Array:
     toned = np.where(code < 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
     # White is any light that is bright enough; three quarters of a step below it stands for all.
     over = np.minimum((toned - TONE_SHOULDER) / TONE_ROOM, 1.0 - 0.25 / 255.0)
-    return np.asarray(
-        np.where(toned > TONE_SHOULDER, TONE_SHOULDER - TONE_ROOM * np.log1p(-np.maximum(over, 0.0)), toned)
-    )
+    bright = TONE_SHOULDER - TONE_ROOM * np.log1p(-np.maximum(over, 0.0))
+    return np.asarray(np.where(toned > TONE_SHOULDER, bright, toned))
 
 
 def _unseen(electrons: float, read_noise_e: float) -> Array:
-    """Change of exposed light that nobody sees at every code, shape (256,)."""
+    """Largest change of exposed light that stays invisible at every code, shape (256,)."""
     step = np.diff(_LIGHT_OF_CODE, append=_LIGHT_OF_CODE[-1:])
     if electrons <= 0.0:
         return UNSEEN_STEP * step

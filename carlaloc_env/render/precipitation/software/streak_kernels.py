@@ -40,13 +40,12 @@ def noticeable(
         light: Exposed light and opacity, shape (N, 4).
         intrinsics: Focal lengths and principal point [px], shape (4,).
         light_of_code: Exposed light of every code, shape (256,).
-        unseen_of_code: Change of it that nobody sees, shape (256,).
+        unseen_of_code: Largest invisible change of it, shape (256,).
     """
     for n in range(len(ends)):
         nearest = max(min(begins[n, 2], ends[n, 2]), _NEAREST_M)
-        strongest = min(
-            1.5 * light[n, 3] * min(diameters[n] * intrinsics[0] / nearest / THINNEST_PX, 1.0), 1.0
-        )
+        thickness = min(diameters[n] * intrinsics[0] / nearest / THINNEST_PX, 1.0)
+        strongest = min(1.5 * light[n, 3] * thickness, 1.0)
         mask[n] = False
         for third in range(3):
             share = 0.5 * third
@@ -91,7 +90,7 @@ def streak_pixels(
         intrinsics: Focal lengths and principal point [px], shape (4,).
         image: sRGB codes of what lies behind, shape (H·W, 4), or none where it is not known.
         light_of_code: Exposed light of every code, shape (256,).
-        unseen_of_code: Change of it that nobody sees, shape (256,).
+        unseen_of_code: Largest invisible change of it, shape (256,).
 
     Returns:
         Number of touched pixels.
@@ -137,9 +136,8 @@ def streak_pixels(
                 if share < 1e-6:
                     continue
                 if layer[pixel, 3] == 0.0:
-                    if image.size and not _shows(
-                        image, pixel, light, n, share, light_of_code, unseen_of_code
-                    ):
+                    known = image.size > 0
+                    if known and not _shows(image, pixel, light, n, share, light_of_code, unseen_of_code):
                         continue
                     touched[count] = pixel
                     count += 1
@@ -208,7 +206,7 @@ def over_codes(
         touched: Which pixels it touches.
         count: How many they are.
         light_of_code: Exposed light of every code, shape (256,).
-        unseen_of_code: Change of it that nobody sees, shape (256,).
+        unseen_of_code: Largest invisible change of it, shape (256,).
         code_of_root: Values 0–1 by even steps of the root of exposed light up to 2.
         key: Of dither and noise.
         electrons: Of a pixel at value 1; 0 leaves the noise out.
@@ -230,7 +228,7 @@ def over_codes(
             light = behind + added
             lot = mixed(np.uint32(lot + np.uint32(0x9E3779B9)))
             if electrons > 0.0:
-                # What lies behind has the noise of its own light already, weakened with it.
+                # The background already has the noise of its light, weakened with it.
                 had = (1.0 - hidden) * (1.0 - hidden) * (behind * electrons + read2)
                 variance = max(light * electrons + read2 - had, 0.0)
                 even = ((lot >> np.uint32(8)) & np.uint32(0xFFF)) + (lot >> np.uint32(20))
