@@ -46,13 +46,13 @@ def crossing_traffic(
         catalog: Their catalogue.
     """
     path = route.at(s_m + np.arange(0.0, _RANGE_M, 1.0))
-    own = path.position_m[0]
+    here = path.position_m[0]
     position_m = actors.position_m.astype(np.float64)
-    near = np.hypot(position_m[:, 0] - own[0], position_m[:, 1] - own[1]) < _RANGE_M + 10.0
+    near = np.hypot(position_m[:, 0] - here[0], position_m[:, 1] - here[1]) < _RANGE_M + 10.0
     # A vehicle behind yields to the ego, not the ego to it.
     east, north = elementary.cos(path.heading_rad[0]), elementary.sin(path.heading_rad[0])
-    near &= (position_m[:, 0] - own[0]) * east + (position_m[:, 1] - own[1]) * north > 0.5 * EGO_FRONT_M
-    near &= (actors.speed_mps > _SLOWEST_MPS) & (np.abs(position_m[:, 2] - own[2]) < 3.0)
+    near &= (position_m[:, 0] - here[0]) * east + (position_m[:, 1] - here[1]) * north > 0.5 * EGO_FRONT_M
+    near &= (actors.speed_mps > _SLOWEST_MPS) & (np.abs(position_m[:, 2] - here[2]) < 3.0)
     index = np.flatnonzero(near)
     if len(index) == 0:
         return None

@@ -105,14 +105,13 @@ class DrivingWorld:
         self._traffic = TrafficWorld(self.town.network, self.traffic_config, self._tables)
         self.timeline = Timeline(self._traffic.catalog)
         self._state = None
-        # Before anybody is told: traffic that does not fit is refused here.
+        # Before the listener is called: traffic that does not fit is refused here.
         first = self._traffic.reset(self._ego_view())
         if listener is not None:
             listener.on_start(self._traffic.catalog)
         self._road = RoadAhead(self.town.network, self.route)
         self._tick = 0
         self._step = 0
-        self._contacts: list[Contact] = []
         self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
         self._ego.follow(self.timeline.ego, self.timeline.car, _PARKED)
         self._notify_tick(_PARKED)
@@ -241,5 +240,4 @@ def ego_view(position_m: NDArray[np.float64], heading_rad: float, speed_mps: flo
         position_m=(x + ahead * east, y + ahead * north, z),
         heading_rad=heading_rad,
         speed_mps=speed_mps,
-        length_m=EGO_SIZE_M[0],
     )

@@ -108,10 +108,10 @@ class AnyTownEnv(BaseEnv):
         drawn = dict(given)
         for name, choice in self._choices.items():
             # Drawn also where it is given: what comes after does not depend on that.
-            one = choice[int(self.np_random.integers(len(choice)))]
+            value = choice[int(self.np_random.integers(len(choice)))]
             if name == "route" and ("spawn" in given or "goal" in given):
                 continue
-            drawn.setdefault(name, one)
+            drawn.setdefault(name, value)
         return drawn
 
     def _town(self, name: str) -> CarlaLocEnv:

@@ -34,7 +34,7 @@ class BaseEnv(gymnasium.Env[Any, Any], EzPickle):
         self._spec = None if spec is None else replace(spec, kwargs=_plain(spec.kwargs))
 
     def _begin(self, seed: int | None) -> None:
-        """Begin a reset: check the seed, and sow the generator if there is one.
+        """Begin a reset: check the seed, and seed the generator if one is given.
 
         Raises:
             ConfigError: the seed is negative or no whole number.

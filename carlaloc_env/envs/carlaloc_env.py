@@ -88,7 +88,7 @@ class CarlaLocEnv(BaseEnv):
         self._actions = action_kind(action)
         self._quality = check_quality(quality)
         self._rig = rig_of(rig, quality)
-        self._told = _told(info, of_sensors=isinstance(self._rig, SensorRig))
+        self._info_parts = _info_parts(info, of_sensors=isinstance(self._rig, SensorRig))
         self._town = load_town(map)
         self._enter(traffic_of_town(self._town, traffic, 0))
         self.observation_space = self._view.space
@@ -221,19 +221,19 @@ class CarlaLocEnv(BaseEnv):
             "route_offset_m": world.route_offset_m,
             "contacts": contacts,
         }
-        if "ego" in self._told:
+        if "ego" in self._info_parts:
             info["ego"] = world.state
-        if "samples" in self._told:
+        if "samples" in self._info_parts:
             info["samples"] = SampleList(samples)
-        if "truth" in self._told:
+        if "truth" in self._info_parts:
             info["truth"] = truth_at(world.timeline, [world.now_ns], np.eye(4))[0]
-        if not self._told.isdisjoint(("objects", "visibility")):
-            rays = self.stage.rays() if "visibility" in self._told else None
+        if not self._info_parts.isdisjoint(("objects", "visibility")):
+            rays = self.stage.rays() if "visibility" in self._info_parts else None
             info["objects"] = objects_at(world.timeline, world.now_ns, rays=rays)
         return info
 
 
-def _told(info: Sequence[str] | None, *, of_sensors: bool) -> frozenset[str]:
+def _info_parts(info: Sequence[str] | None, *, of_sensors: bool) -> frozenset[str]:
     """What `info` holds beside the task.
 
     Raises:

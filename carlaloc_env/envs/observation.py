@@ -30,7 +30,7 @@ Observation = dict[str, NDArray[Any]]
 
 @runtime_checkable
 class ObservedSample(Protocol):
-    """A kind of sample from elsewhere that says itself how it is observed."""
+    """A kind of sample from elsewhere that defines how it is observed."""
 
     def observed(self) -> NDArray[Any]:
         """The observed numbers, in the layout of the sensor's `streams`."""
@@ -40,7 +40,7 @@ class Observer:
     """Keeps the newest samples of a rig as one observation.
 
     A stream that measures several times in a step (IMU) is batched, the newest row last. Point
-    clouds are padded by zero rows, and ``<stream>_count`` tells how many rows are real.
+    clouds are padded by zero rows, and ``<stream>_count`` is the number of real rows.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -58,18 +58,16 @@ class Observer:
                 found[stream] = space
                 if stream in sensor.padded_streams:
                     self._padded.add(stream)
-                    found[f"{stream}_count"] = spaces.Box(
-                        0, space.shape[-2], (*space.shape[:-2], 1), np.int32
-                    )
+                    *shape, most, _ = space.shape
+                    found[f"{stream}_count"] = spaces.Box(0, most, (*shape, 1), np.int32)
         self.space = spaces.Dict(found)
         self._newest: Observation = {}
         self.reset()
 
     def reset(self) -> None:
         """Forget all samples; every key is zero."""
-        self._newest = {
-            key: np.zeros(space.shape or (), space.dtype) for key, space in self.space.spaces.items()
-        }
+        spaces_of = self.space.spaces.items()
+        self._newest = {key: np.zeros(space.shape or (), space.dtype) for key, space in spaces_of}
 
     def observe(self, samples: Iterable[Sample]) -> Observation:
         """The observation after these samples, given in stamp order.
@@ -104,9 +102,9 @@ class Observer:
         fresh, count = np.zeros_like(held), np.zeros_like(self._newest[f"{key}_count"])
         if key in self._batched:
             fresh[:-1], count[:-1] = held[1:], self._newest[f"{key}_count"][1:]
-        one = fresh[-1] if key in self._batched else fresh
-        one[: len(rows)] = rows[: len(one)]
-        count[-1] = min(len(rows), len(one))
+        cloud = fresh[-1] if key in self._batched else fresh
+        cloud[: len(rows)] = rows[: len(cloud)]
+        count[-1] = min(len(rows), len(cloud))
         self._newest[key], self._newest[f"{key}_count"] = fresh, count
 
 

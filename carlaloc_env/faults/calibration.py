@@ -26,17 +26,10 @@ class MountedFaults(TimingFaults):
     calib_pitch_deg: float = fault("deg", _TURN.format("pitch"), worst=10.0)
     calib_yaw_deg: float = fault("deg", _TURN.format("yaw"), worst=10.0)
 
-
-def believed(config: SensorConfig, faults: MountedFaults) -> SensorConfig:
-    """The configuration that calibration files and readers show of a sensor."""
-    moved = (faults.calib_x_m, faults.calib_y_m, faults.calib_z_m)
-    turned = (faults.calib_roll_deg, faults.calib_pitch_deg, faults.calib_yaw_deg)
-    place: Any = tuple(a + b for a, b in zip(config.mount.position_m, moved, strict=True))
-    turn: Any = tuple(a + b for a, b in zip(config.mount.rpy_deg, turned, strict=True))
-    changes: dict[str, Any] = {"mount": replace(config.mount, position_m=place, rpy_deg=turn)}
-    focal, centre_px = getattr(faults, "calib_focal_share", 0.0), getattr(faults, "calib_centre_px", 0.0)
-    if focal or centre_px:
-        lens: Any = getattr(config, "pinhole")  # noqa: B009
-        scaled = {name: getattr(lens, name) * (1.0 + focal) for name in ("fx_px", "fy_px")}
-        changes["pinhole"] = replace(lens, **scaled, cx_px=lens.cx_px + centre_px)
-    return replace(config, **changes)
+    def believed(self, config: SensorConfig) -> SensorConfig:
+        """The configuration with the written mount."""
+        moved = (self.calib_x_m, self.calib_y_m, self.calib_z_m)
+        turned = (self.calib_roll_deg, self.calib_pitch_deg, self.calib_yaw_deg)
+        place: Any = tuple(a + b for a, b in zip(config.mount.position_m, moved, strict=True))
+        turn: Any = tuple(a + b for a, b in zip(config.mount.rpy_deg, turned, strict=True))
+        return replace(config, mount=replace(config.mount, position_m=place, rpy_deg=turn))

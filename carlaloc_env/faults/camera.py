@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,8 @@ from carlaloc_env.core import elementary
 from carlaloc_env.faults.calibration import MountedFaults
 from carlaloc_env.faults.fields import fault
 from carlaloc_env.faults.timing import Draws
-from carlaloc_env.samples import Image
+from carlaloc_env.samples import Image, Sample
+from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.weather.parameters import WeatherParameters
 
 DIRT_CELLS = (9, 16)
@@ -29,12 +31,9 @@ class CameraFaults(MountedFaults):
         source="IEC 61966-2-1 (sRGB)",
     )  # fmt: skip
     dirt_share: float = fault(
-        "1",
-        "share of the picture behind blots of dirt, which stay where they are",
-        worst=0.8,
-        low=0.0,
+        "1", "share of the picture behind blots of dirt, which stay where they are", worst=0.8, low=0.0,
         high=1.0,
-    )
+    )  # fmt: skip
     drops_percent: float = fault(
         "%", "drops on the lens, as rain of so many per cent of 50 mm/h leaves them", worst=100.0, low=0.0,
         high=100.0,
@@ -44,31 +43,34 @@ class CameraFaults(MountedFaults):
     )
     calib_centre_px: float = fault("px", "added to the written principal point, to the right", worst=20.0)
 
+    def apply(self, sample: Sample, draws: Draws) -> Sample:
+        """A colour picture of a faulty camera."""
+        if not isinstance(sample, Image):
+            return sample
+        rgb, stamp_ns = sample.rgb, sample.stamp_ns
+        if self.drops_percent:
+            # Imported here: rigs know faults, and commands refuse mistakes before OpenCV is there.
+            from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 
-def faulty_image(image: Image, faults: CameraFaults, draws: Draws, stamp_ns: int) -> Image:
-    """The picture of a faulty camera.
+            rain, camera = WeatherParameters(precipitation=self.drops_percent), f"{draws.target}/fault"
+            rgb = with_lens_drops(rgb, rain, stamp_ns=stamp_ns, seed=draws.seed, camera=camera)
+        if self.dirt_share:
+            share = dirt(rgb.shape[:2], self.dirt_share, draws)[..., None]
+            mixed = rgb * (1.0 - share) + np.array(DIRT_RGB, np.float32) * share + np.float32(0.5)
+            rgb = mixed.astype(np.uint8)
+        if self.exposure_stops:
+            rgb = exposed(self.exposure_stops)[rgb]
+        return replace(sample, rgb=rgb)
 
-    Args:
-        image: What a sound one took.
-        faults: What is wrong.
-        draws: Its random numbers.
-        stamp_ns: True stamp [ns].
-    """
-    rgb = image.rgb
-    if faults.drops_percent:
-        # Imported where it is needed: rigs know faults, and commands refuse mistakes before OpenCV is there.
-        from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
-
-        rain = WeatherParameters(precipitation=faults.drops_percent)
-        rgb = with_lens_drops(rgb, rain, stamp_ns=stamp_ns, seed=draws.seed, camera=f"{draws.target}/fault")
-    if faults.dirt_share:
-        share = dirt(rgb.shape[:2], faults.dirt_share, draws)[..., None]
-        rgb = (rgb * (1.0 - share) + np.array(DIRT_RGB, np.float32) * share + np.float32(0.5)).astype(
-            np.uint8
+    def believed(self, config: SensorConfig) -> SensorConfig:
+        """The configuration with the written mount and lens."""
+        moved: Any = MountedFaults.believed(self, config)
+        lens, scale = moved.pinhole, 1.0 + self.calib_focal_share
+        focal: Any = {"fx_px": lens.fx_px * scale, "fy_px": lens.fy_px * scale}
+        written: SensorConfig = replace(
+            moved, pinhole=replace(lens, **focal, cx_px=lens.cx_px + self.calib_centre_px)
         )
-    if faults.exposure_stops:
-        rgb = exposed(faults.exposure_stops)[rgb]
-    return replace(image, rgb=rgb)
+        return written
 
 
 def exposed(stops: float) -> NDArray[np.uint8]:

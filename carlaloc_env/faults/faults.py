@@ -11,15 +11,15 @@ from carlaloc_env.core.clock import TICK_NS, Schedule
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.files.config_mapping import from_mapping
 from carlaloc_env.core.names import is_name
-from carlaloc_env.faults.calibration import PREFIX, MountedFaults, believed
-from carlaloc_env.faults.camera import CameraFaults, faulty_image
+from carlaloc_env.faults.calibration import PREFIX, MountedFaults
+from carlaloc_env.faults.camera import CameraFaults
 from carlaloc_env.faults.fields import active, quantities
-from carlaloc_env.faults.gnss import GnssFaults, faulty_fix
-from carlaloc_env.faults.inertial import ImuFaults, faulty_imu
-from carlaloc_env.faults.lidar import LidarFaults, faulty_cloud
-from carlaloc_env.faults.timing import Draws, TimingFaults, faulty_stamp_ns
-from carlaloc_env.faults.wheel import WheelFaults, faulty_ticks
-from carlaloc_env.samples import Events, GnssFix, Image, Imu, PointCloud, Sample, WheelTicks
+from carlaloc_env.faults.gnss import GnssFaults
+from carlaloc_env.faults.inertial import ImuFaults
+from carlaloc_env.faults.lidar import LidarFaults
+from carlaloc_env.faults.timing import Draws, TimingFaults
+from carlaloc_env.faults.wheel import WheelFaults
+from carlaloc_env.samples import Events, Sample
 from carlaloc_env.sensors.base import SensorConfig
 
 KINDS: dict[str, type[TimingFaults]] = {
@@ -41,8 +41,8 @@ class Faults:
     """Faults by ``KIND`` or ``KIND.NAME``, sorted; the latter takes the place of the former."""
 
     def __post_init__(self) -> None:
-        some = tuple(sorted((target, one) for target, one in self.sensors if active(one)))
-        object.__setattr__(self, "sensors", some)
+        acting = tuple(sorted((target, faults) for target, faults in self.sensors if active(faults)))
+        object.__setattr__(self, "sensors", acting)
 
     def __bool__(self) -> bool:
         return bool(self.sensors)
@@ -88,9 +88,9 @@ class Faults:
     def to_mapping(self) -> dict[str, dict[str, float]]:
         """Values that are not neutral or default, by sensor."""
         return {
-            target: {name: value for name, known in quantities(type(one)).items()
-                     if (value := getattr(one, name)) != known.neutral}
-            for target, one in self.sensors
+            target: {name: value for name, known in quantities(type(faults)).items()
+                     if (value := getattr(faults, name)) != known.neutral}
+            for target, faults in self.sensors
         }  # fmt: skip
 
     @property
@@ -121,16 +121,16 @@ class Faults:
 
     def only(self, configs: Iterable[SensorConfig]) -> Faults:
         """The faults of some sensors alone."""
-        there = {target for one in configs for target in (one.kind, f"{one.kind}.{one.name}")}
+        there = _targets(configs)
         return replace(self, sensors=tuple(pair for pair in self.sensors if pair[0] in there))
 
     def check(self, configs: Iterable[SensorConfig]) -> None:
-        """Refuse faults of sensors that a rig has not.
+        """Refuse faults of sensors that a rig does not have.
 
         Raises:
-            ConfigError: it has not.
+            ConfigError: the rig lacks one of them.
         """
-        there = {target for one in configs for target in (one.kind, f"{one.kind}.{one.name}")}
+        there = _targets(configs)
         for target, _ in self.sensors:
             if target not in there:
                 raise ConfigError(unknown_name("sensor with faults in this rig", target, there))
@@ -145,7 +145,7 @@ class Faults:
     def believed(self, config: SensorConfig) -> SensorConfig:
         """The configuration that calibration shows of a sensor."""
         found = self.calibration.of(config)
-        return believed(config, found[1]) if found and isinstance(found[1], MountedFaults) else config
+        return found[1].believed(config) if found else config
 
     def apply(self, sample: Sample, config: SensorConfig, seed: int) -> Sample | None:
         """A sample of a sensor as its faults leave it: itself where they change nothing; None: lost.
@@ -159,11 +159,11 @@ class Faults:
         if found is None or isinstance(sample, Events) or not found[1].acts_at(sample.stamp_ns):
             return sample
         faults, draws = found[1], _draws(found[0], config, seed)
-        stamp_ns = faulty_stamp_ns(sample.stamp_ns, faults, draws)
+        stamp_ns = faults.faulty_stamp_ns(sample.stamp_ns, draws)
         if stamp_ns is None:
             return None
         if any(not name.startswith((PREFIX, "time_", "drop_share", "burst_")) for name in active(faults)):
-            sample = _of_data(sample, faults, draws)
+            sample = faults.apply(sample, draws)
         return sample if stamp_ns == sample.stamp_ns else replace(sample, stamp_ns=stamp_ns)
 
     def stamps_ns(self, stamps_ns: Iterable[int], config: SensorConfig, seed: int) -> list[int | None]:
@@ -172,27 +172,18 @@ class Faults:
         if found is None:
             return list(stamps_ns)
         draws = _draws(found[0], config, seed)
-        return [faulty_stamp_ns(at, found[1], draws) if found[1].acts_at(at) else at for at in stamps_ns]
+        faults = found[1]
+        return [faults.faulty_stamp_ns(at, draws) if faults.acts_at(at) else at for at in stamps_ns]
+
+
+def _targets(configs: Iterable[SensorConfig]) -> set[str]:
+    """Names by which faults may be given for some sensors."""
+    return {target for config in configs for target in (config.kind, f"{config.kind}.{config.name}")}
 
 
 def _draws(target: str, config: SensorConfig, seed: int) -> Draws:
     period_ns = Schedule.from_hz(config.rate_hz).period_ticks * TICK_NS
     return Draws(seed=seed, target=target, period_ns=period_ns)
-
-
-def _of_data(sample: Sample, faults: TimingFaults, draws: Draws) -> Sample:
-    stamp_ns = sample.stamp_ns
-    if isinstance(sample, PointCloud) and isinstance(faults, LidarFaults):
-        return faulty_cloud(sample, faults, draws, stamp_ns)
-    if isinstance(sample, Image) and isinstance(faults, CameraFaults):
-        return faulty_image(sample, faults, draws, stamp_ns)
-    if isinstance(sample, Imu) and isinstance(faults, ImuFaults):
-        return faulty_imu(sample, faults)
-    if isinstance(sample, GnssFix) and isinstance(faults, GnssFaults):
-        return faulty_fix(sample, faults, draws, stamp_ns)
-    if isinstance(sample, WheelTicks) and isinstance(faults, WheelFaults):
-        return faulty_ticks(sample, faults)
-    return sample
 
 
 def fault_quantity(path: str) -> Any:

@@ -39,7 +39,7 @@ def fault(
     low: float = float("-inf"),
     high: float = float("inf"),
 ) -> Any:
-    """A field that is a fault of its own, off at its neutral value."""
+    """A field that is a fault by itself, off at its neutral value."""
     known = Quantity(
         neutral=neutral, worst=worst, unit=unit, definition=definition, source=source, low=low, high=high
     )
@@ -48,25 +48,18 @@ def fault(
 
 def setting(unit: str, definition: str, *, default: float, low: float = float("-inf")) -> Any:
     """A field that shapes other faults, and has no effect by itself."""
-    known = Quantity(
-        neutral=default, worst=float("inf"), unit=unit, definition=definition, source="", low=low,
-        high=float("inf"),
-    )  # fmt: skip
-    return field(default=default, metadata={"quantity": known, "setting": True})
+    return fault(unit, definition, worst=float("inf"), neutral=default, low=low)
 
 
 def quantities(cls: type) -> dict[str, Quantity]:
     """Fields of a class of faults, settings included."""
-    return {one.name: one.metadata["quantity"] for one in fields(cls)}
+    return {item.name: item.metadata["quantity"] for item in fields(cls)}
 
 
 def active(faults: Any) -> tuple[str, ...]:
     """Names of the faults that are on."""
-    return tuple(
-        one.name
-        for one in fields(faults)
-        if "setting" not in one.metadata and getattr(faults, one.name) != one.metadata["quantity"].neutral
-    )
+    known = quantities(type(faults)).items()
+    return tuple(name for name, q in known if not isinf(q.worst) and getattr(faults, name) != q.neutral)
 
 
 def check_fields(faults: Any, what: str) -> None:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from carlaloc_env.faults.fields import fault
-from carlaloc_env.faults.timing import TimingFaults
-from carlaloc_env.samples import Imu
+from carlaloc_env.faults.timing import Draws, TimingFaults
+from carlaloc_env.samples import Imu, Sample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,16 +27,14 @@ class ImuFaults(TimingFaults):
     )
     gyro_bias_radps: float = fault("rad/s", "added to each axis from `begin_s` on", worst=0.1)
 
-
-def faulty_imu(sample: Imu, faults: ImuFaults) -> Imu:
-    """What a faulty IMU reads: the biased value, cut at the limits."""
-    force, rate = sample.specific_force_mps2, sample.angular_rate_radps
-    return replace(
-        sample,
-        specific_force_mps2=np.clip(
-            force + faults.accel_bias_mps2, -faults.accel_limit_mps2, faults.accel_limit_mps2
-        ),
-        angular_rate_radps=np.clip(
-            rate + faults.gyro_bias_radps, -faults.gyro_limit_radps, faults.gyro_limit_radps
-        ),
-    )
+    def apply(self, sample: Sample, draws: Draws) -> Sample:
+        """A measurement of a faulty IMU: the biased value, cut at the limits."""
+        if not isinstance(sample, Imu):
+            return sample
+        force = sample.specific_force_mps2 + self.accel_bias_mps2
+        rate = sample.angular_rate_radps + self.gyro_bias_radps
+        return replace(
+            sample,
+            specific_force_mps2=np.clip(force, -self.accel_limit_mps2, self.accel_limit_mps2),
+            angular_rate_radps=np.clip(rate, -self.gyro_limit_radps, self.gyro_limit_radps),
+        )

@@ -13,7 +13,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.faults.calibration import MountedFaults
 from carlaloc_env.faults.fields import fault
 from carlaloc_env.faults.timing import Draws
-from carlaloc_env.samples import PointCloud
+from carlaloc_env.samples import PointCloud, Sample
 
 _ROBO3D = "Kong et al. (Robo3D), ICCV 2023"
 GHOST_MIN_M = 1.0
@@ -26,13 +26,9 @@ class LidarFaults(MountedFaults):
     """Faults of a LiDAR; plain and labelled clouds have the same."""
 
     dead_beam_share: float = fault(
-        "1",
-        "probability that a beam is dead, drawn once for each",
-        worst=1.0,
-        low=0.0,
-        high=1.0,
+        "1", "probability that a beam is dead, drawn once for each", worst=1.0, low=0.0, high=1.0,
         source=_ROBO3D,
-    )
+    )  # fmt: skip
     beam_bias_m: float = fault(
         "m", "standard deviation of a constant error of range, drawn once for each beam", worst=0.3, low=0.0
     )
@@ -49,6 +45,38 @@ class LidarFaults(MountedFaults):
         low=0.0, high=360.0,
     )  # fmt: skip
 
+    def apply(self, sample: Sample, draws: Draws) -> Sample:
+        """A cloud of a faulty LiDAR."""
+        if not isinstance(sample, PointCloud):
+            return sample
+        cloud, xyz, tag = sample, sample.points_xyz_m, sample.tag
+
+        def uniform(what: str, index: int = 0) -> Array:
+            key = int(draws.at(f"{what}{index}", cloud.stamp_ns).integers(2**63))
+            return ray_uniform(key, cloud.ring, cloud.offset_ns)
+
+        kept = np.ones(len(xyz), bool)
+        if self.dead_beam_share:
+            kept &= draws.at("dead").random(_BEAMS_MAX)[cloud.ring] >= self.dead_beam_share
+        if self.point_drop_share:
+            kept &= uniform("point") >= self.point_drop_share
+        if self.blocked_deg:
+            kept &= ~_is_blocked(cloud, math.radians(self.blocked_deg), draws)
+        bias_m = np.full(len(xyz), self.range_bias_m)
+        if self.beam_bias_m:
+            bias_m += self.beam_bias_m * draws.at("beam").standard_normal(_BEAMS_MAX)[cloud.ring]
+        if bias_m.any():
+            xyz = _at_range(xyz, _range_m(xyz) + bias_m)
+        if self.crosstalk_share:
+            ghost = uniform("crosstalk") < self.crosstalk_share
+            beyond_m = np.maximum(_range_m(xyz), GHOST_MIN_M) - GHOST_MIN_M
+            ghosts = _at_range(xyz, GHOST_MIN_M + uniform("crosstalk", 1) * beyond_m)
+            xyz = np.where(ghost[:, None], ghosts, xyz)
+            tag = None if tag is None else np.where(ghost, np.uint8(0), tag)
+        arrays = ("intensity", "ring", "offset_ns", "instance", "cos_incidence")
+        some = {name: value[kept] for name in arrays if (value := getattr(cloud, name)) is not None}
+        return replace(cloud, points_xyz_m=xyz[kept], tag=None if tag is None else tag[kept], **some)
+
 
 def ray_uniform(key: int, ring: NDArray[np.uint16], offset_ns: NDArray[np.uint32]) -> Array:
     """A number in [0, 1) for every ray, by splitmix64 of its beam and time, shape (N,).
@@ -62,45 +90,6 @@ def ray_uniform(key: int, ring: NDArray[np.uint16], offset_ns: NDArray[np.uint32
     z ^= z >> np.uint64(31)
     share: Array = (z >> np.uint64(11)).astype(np.float64) * 2.0**-53
     return share
-
-
-def faulty_cloud(cloud: PointCloud, faults: LidarFaults, draws: Draws, stamp_ns: int) -> PointCloud:
-    """The cloud of a faulty LiDAR.
-
-    Args:
-        cloud: What a sound one measured.
-        faults: What is wrong.
-        draws: Its random numbers.
-        stamp_ns: True stamp of the sweep [ns].
-    """
-    xyz, tag = cloud.points_xyz_m, cloud.tag
-
-    def uniform(what: str, index: int = 0) -> Array:
-        key = int(draws.at(f"{what}{index}", stamp_ns).integers(2**63))
-        return ray_uniform(key, cloud.ring, cloud.offset_ns)
-
-    kept = np.ones(len(xyz), bool)
-    if faults.dead_beam_share:
-        kept &= draws.at("dead").random(_BEAMS_MAX)[cloud.ring] >= faults.dead_beam_share
-    if faults.point_drop_share:
-        kept &= uniform("point") >= faults.point_drop_share
-    if faults.blocked_deg:
-        kept &= ~_is_blocked(cloud, math.radians(faults.blocked_deg), draws)
-    bias_m = np.full(len(xyz), faults.range_bias_m)
-    if faults.beam_bias_m:
-        bias_m += faults.beam_bias_m * draws.at("beam").standard_normal(_BEAMS_MAX)[cloud.ring]
-    if bias_m.any():
-        xyz = _at_range(xyz, _range_m(xyz) + bias_m)
-    if faults.crosstalk_share:
-        ghost = uniform("crosstalk") < faults.crosstalk_share
-        far_m = np.maximum(_range_m(xyz), GHOST_MIN_M)
-        xyz = np.where(
-            ghost[:, None], _at_range(xyz, GHOST_MIN_M + uniform("crosstalk", 1) * (far_m - GHOST_MIN_M)), xyz
-        )
-        tag = None if tag is None else np.where(ghost, np.uint8(0), tag)
-    arrays = ("intensity", "ring", "offset_ns", "instance", "cos_incidence")
-    some = {name: value[kept] for name in arrays if (value := getattr(cloud, name)) is not None}
-    return replace(cloud, points_xyz_m=xyz[kept], tag=None if tag is None else tag[kept], **some)
 
 
 def _range_m(xyz: NDArray[np.float32]) -> Array:

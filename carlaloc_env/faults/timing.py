@@ -9,6 +9,8 @@ import numpy as np
 from carlaloc_env.core import rng
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.faults.fields import check_fields, fault, setting
+from carlaloc_env.samples import Sample
+from carlaloc_env.sensors.base import SensorConfig
 
 _KALIBR = "Furgale et al., IROS 2013"
 _GILBERT = "Gilbert, BSTJ 1960; Elliott, BSTJ 1963"
@@ -105,16 +107,28 @@ class TimingFaults:
         """Whether faults of the data act at a true stamp [ns]."""
         return self.begin_s * 1e9 <= stamp_ns < self.end_s * 1e9
 
+    def faulty_stamp_ns(self, stamp_ns: int, draws: Draws) -> int | None:
+        """Stamp that a sample gets [ns]; None: the sample is lost."""
+        if self.drop_share and draws.at("drop", stamp_ns).random() < self.drop_share:
+            return None
+        if draws.is_in_burst("burst", stamp_ns, self.burst_share, self.burst_length):
+            return None
+        late_ns = 1e6 * self.time_offset_ms + 1e-6 * self.time_drift_ppm * stamp_ns
+        if self.time_jitter_ms:
+            most_ns = JITTER_MAX_PERIODS * draws.period_ns
+            jitter_ns = 1e6 * self.time_jitter_ms * draws.at("jitter", stamp_ns).standard_normal()
+            late_ns += min(max(jitter_ns, -most_ns), most_ns)
+        return stamp_ns + round(late_ns)
 
-def faulty_stamp_ns(stamp_ns: int, faults: TimingFaults, draws: Draws) -> int | None:
-    """Stamp that a sample gets [ns]; None: the sample is lost."""
-    if faults.drop_share and draws.at("drop", stamp_ns).random() < faults.drop_share:
-        return None
-    if draws.is_in_burst("burst", stamp_ns, faults.burst_share, faults.burst_length):
-        return None
-    late_ns = 1e6 * faults.time_offset_ms + 1e-6 * faults.time_drift_ppm * stamp_ns
-    if faults.time_jitter_ms:
-        most_ns = JITTER_MAX_PERIODS * draws.period_ns
-        jitter_ns = 1e6 * faults.time_jitter_ms * draws.at("jitter", stamp_ns).standard_normal()
-        late_ns += min(max(jitter_ns, -most_ns), most_ns)
-    return stamp_ns + round(late_ns)
+    def apply(self, sample: Sample, draws: Draws) -> Sample:
+        """A sample with the data of a faulty sensor, its stamp unchanged; the same where they are sound.
+
+        Args:
+            sample: Sample of a sound sensor, at its true stamp.
+            draws: Random numbers of the faults.
+        """
+        return sample
+
+    def believed(self, config: SensorConfig) -> SensorConfig:
+        """The configuration that calibration files and readers show of a sensor."""
+        return config

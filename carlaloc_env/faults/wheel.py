@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from carlaloc_env.faults.fields import fault
-from carlaloc_env.faults.timing import TimingFaults
-from carlaloc_env.samples import WheelTicks
+from carlaloc_env.faults.timing import Draws, TimingFaults
+from carlaloc_env.samples import Sample, WheelTicks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,12 +20,10 @@ class WheelFaults(TimingFaults):
         source="SAE J670",
     )  # fmt: skip
 
-
-def faulty_ticks(sample: WheelTicks, faults: WheelFaults) -> WheelTicks:
-    """Counters of wheels that slip since the drive began, whole ticks rounded down."""
-    gain = np.array([1.0, 1.0, 1.0 + faults.slip, 1.0 + faults.slip])
-    return replace(
-        sample,
-        ticks=np.floor(sample.ticks * gain).astype(np.int64),
-        rate_radps=sample.rate_radps * gain,
-    )
+    def apply(self, sample: Sample, draws: Draws) -> Sample:
+        """Counters of wheels that slip since the drive began, whole ticks rounded down."""
+        if not isinstance(sample, WheelTicks):
+            return sample
+        gain = np.array([1.0, 1.0, 1.0 + self.slip, 1.0 + self.slip])
+        ticks = np.floor(sample.ticks * gain).astype(np.int64)
+        return replace(sample, ticks=ticks, rate_radps=sample.rate_radps * gain)

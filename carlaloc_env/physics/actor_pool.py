@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -93,9 +95,8 @@ class ActorPool:
 
     def clear(self) -> None:
         """Remove every box from the world."""
-        for body in [lent[0] for lent in self._lent.values()] + [
-            b for free in self._free.values() for b in free
-        ]:
+        lent = [body for body, _ in self._lent.values()]
+        for body in itertools.chain(lent, *self._free.values()):
             pybullet.removeBody(body, physicsClientId=self._client)
         self._free.clear()
         self._lent.clear()
@@ -144,11 +145,7 @@ def _box_pose(frame: ActorFrame, i: int, height_m: float) -> tuple[list[float], 
     lift = 0.5 * height_m
     (sin_h, cos_h), (sin_p, cos_p), (sin_r, cos_r) = sin_cos(heading), sin_cos(pitch), sin_cos(roll)
     back, right = lift * sin_p * cos_r, lift * sin_r
-    centre = [
-        x + right * sin_h - back * cos_h,
-        y - right * cos_h - back * sin_h,
-        z + lift * cos_p * cos_r,
-    ]
+    centre = [x + right * sin_h - back * cos_h, y - right * cos_h - back * sin_h, z + lift * cos_p * cos_r]
     (sh, ch), (sp, cp), (sr, cr) = sin_cos(0.5 * heading), sin_cos(-0.5 * pitch), sin_cos(0.5 * roll)
     quat_xyzw = [
         ch * cp * sr - sh * sp * cr,
@@ -167,7 +164,7 @@ def _velocities(
         return [_velocity(frame, i) for i in index.tolist()]
     change = following.position_m[index] - frame.position_m[index]
     away = came_in_elsewhere(change, following.heading_rad[index] - frame.heading_rad[index])
-    # Who comes in elsewhere drives on to no place in between.
+    # An actor that comes in elsewhere passes no place in between.
     return [
         _velocity(frame, i) if elsewhere else [d / (STEP_NS * 1e-9) for d in moved]
         for i, elsewhere, moved in zip(index.tolist(), away.tolist(), change.tolist(), strict=True)

@@ -7,14 +7,13 @@ from typing import NamedTuple
 
 from carlaloc_env.core.elementary_kernels import arctan2
 from carlaloc_env.core.jit import compiled
+from carlaloc_env.physics.contacts import Vector3
 from carlaloc_env.physics.ground_heights import GroundTable
 from carlaloc_env.physics.powertrain import Pedals, advance_drive
 from carlaloc_env.physics.wheel import BodyMotion, advance_wheels
 from carlaloc_env.physics.wheel_table import Car, CarTables
 from carlaloc_env.road.road_profile import RoughTable
 
-Vector3 = tuple[float, float, float]
-"""x, y, z."""
 Pose = tuple[Vector3, tuple[float, float, float, float]]
 """Centre of mass [m] and attitude (x, y, z, w), maps body to world; as PyBullet gives them."""
 Twist = tuple[Vector3, Vector3]

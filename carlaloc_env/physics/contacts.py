@@ -8,6 +8,9 @@ from typing import Any
 
 from carlaloc_env.core.clock import TICK_S
 
+Vector3 = tuple[float, float, float]
+"""x, y, z."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
@@ -17,7 +20,7 @@ class Contact:
     """Instance id of the actor, None for the static town."""
     impulse_ns: float
     """Sum of the normal impulses [N s]."""
-    position_m: tuple[float, float, float]
+    position_m: Vector3
     """Where the strongest impulse acted [m], world."""
 
 
@@ -25,7 +28,7 @@ class ContactLog:
     """Adds up PyBullet's contact points per thing touched until they are read."""
 
     def __init__(self) -> None:
-        self._touched: dict[int | None, tuple[float, float, tuple[float, float, float]]] = {}
+        self._touched: dict[int | None, tuple[float, float, Vector3]] = {}
 
     def add(self, points: Iterable[Any], actor_of: Callable[[int], int | None]) -> None:
         """Take in the contact points of one tick; `actor_of` names the actor of a body."""

@@ -82,6 +82,7 @@ class EgoCar:
         self._push, self._base_motion = same_types(push_car), same_types(base_motion)
         self._base = base_motion(self._tables.car, self._pose, self._twist)
         self._speed_before_mps = 0.0
+        self._controls: Controls | None = None
 
     @property
     def params(self) -> VehicleParams:
@@ -117,9 +118,18 @@ class EgoCar:
         Raises:
             ActionError: a control is not finite or out of range; nothing has moved then.
         """
-        c, client = controls.checked(), self._world.client
-        pedals = (float(c.steer), float(c.throttle), float(c.brake), bool(c.reverse), bool(c.handbrake))
-        force, torque = self._push(*self._fixed, self._pose, self._twist, pedals, self._world.friction)
+        if controls is not self._controls:
+            # A step gives the same controls to ten ticks: they are checked once.
+            c = self._controls = controls.checked()
+            self._pedals = (
+                float(c.steer),
+                float(c.throttle),
+                float(c.brake),
+                bool(c.reverse),
+                bool(c.handbrake),
+            )
+        client, friction = self._world.client, self._world.friction
+        force, torque = self._push(*self._fixed, self._pose, self._twist, self._pedals, friction)
         pybullet.applyExternalForce(
             self._body, -1, force, self._pose[0], pybullet.WORLD_FRAME, physicsClientId=client
         )

@@ -87,11 +87,8 @@ def _squares(low_m: Array, high_m: Array, which: NDArray[np.intp], cell_m: float
     count = extent[:, 0] * extent[:, 1]
     owner = np.repeat(np.arange(len(count)), count)
     within = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    cell = (
-        (begin[owner, 0] + within // extent[owner, 1]) * shape[1]
-        + begin[owner, 1]
-        + within % extent[owner, 1]
-    )
+    east, north = within // extent[owner, 1], within % extent[owner, 1]
+    cell = (begin[owner, 0] + east) * shape[1] + begin[owner, 1] + north
     order = np.argsort(cell, kind="stable")
     return Squares(
         inside=which[owner[order]].astype(np.int32),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,28 +16,31 @@ KEPT_FILES = 16
 def kept_ground(vertices_m: NDArray[np.float64], triangles: NDArray[np.int64]) -> GroundTable:
     """The table of a mesh, from the cache when the same code sorted the same triangles before.
 
-    Nobody can write to its arrays, and processes share those of a large mesh.
+    Its arrays are read-only, and processes share those of a large mesh.
 
     Args:
         vertices_m: Corners [m], world, shape (V, 3).
         triangles: Corner indices, shape (T, 3).
     """
-    make = partial(ground_table, vertices_m, triangles)
+
+    def make() -> GroundTable:
+        return ground_of_arrays(ground_arrays(ground_table(vertices_m, triangles)))
+
     if vertices_m.nbytes + triangles.nbytes < SHARED_FROM_BYTES:
-        return from_arrays(to_arrays(make()))
+        return make()
     return cached(
         "ground",
         "ground",
         module=ground_table.__module__,
-        make=lambda: from_arrays(to_arrays(make())),
-        to_arrays=to_arrays,
-        from_arrays=from_arrays,
+        make=make,
+        to_arrays=ground_arrays,
+        from_arrays=ground_of_arrays,
         content=arrays_hash({"vertices_m": vertices_m, "triangles": triangles}),
         kept_files=KEPT_FILES,
     )
 
 
-def to_arrays(table: GroundTable) -> Arrays:
+def ground_arrays(table: GroundTable) -> Arrays:
     """The table as named arrays."""
     arrays: Arrays = {"triangle": table.triangle, "normal": table.normal}
     for name, squares in (("small", table.small), ("large", table.large)):
@@ -47,18 +48,18 @@ def to_arrays(table: GroundTable) -> Arrays:
     return arrays
 
 
-def from_arrays(arrays: Arrays) -> GroundTable:
-    """The table again, as views to which nobody can write."""
+def ground_of_arrays(arrays: Arrays) -> GroundTable:
+    """The table again, as read-only views."""
     views = read_only(arrays)
     return GroundTable(
         triangle=views["triangle"],
         normal=views["normal"],
-        small=_squares(views, "small"),
-        large=_squares(views, "large"),
+        small=_squares_of(views, "small"),
+        large=_squares_of(views, "large"),
     )
 
 
-def _squares(views: Arrays, name: str) -> Squares:
+def _squares_of(views: Arrays, name: str) -> Squares:
     columns, rows = views[f"{name}/shape"].tolist()
     x_m, y_m = views[f"{name}/low_m"].tolist()
     return Squares(

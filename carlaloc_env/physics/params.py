@@ -153,10 +153,7 @@ class VehicleParams:
     def spring_npm(self) -> tuple[float, float]:
         """Rate of one front and one rear spring, from the ride frequencies."""
         front, rear = (load / GRAVITY_MPS2 * self.sprung_kg / self.mass_kg for load in self.static_load_n)
-        return (
-            front * (2 * math.pi * self.ride_hz[0]) ** 2,
-            rear * (2 * math.pi * self.ride_hz[1]) ** 2,
-        )
+        return front * (2 * math.pi * self.ride_hz[0]) ** 2, rear * (2 * math.pi * self.ride_hz[1]) ** 2
 
     @property
     def damper_nspm(self) -> tuple[float, float]:

@@ -35,13 +35,7 @@ _motor_force_n = compiled(motor_force_n)
 
 
 @compiled
-def advance_drive(
-    drive: Any,
-    car: Any,
-    pedals: Pedals,
-    friction: float,
-    speed_mps: float,
-) -> None:
+def advance_drive(drive: Any, car: Any, pedals: Pedals, friction: float, speed_mps: float) -> None:
     """Advance steering, motor and brakes with their lags by one tick.
 
     Args:

@@ -1,4 +1,4 @@
-"""PyBullet, imported without the line that it prints; everybody here takes it from this module."""
+"""PyBullet, imported without the line that it prints; all modules of this package take it from here."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _without_banner(descriptor: int) -> Iterator[None]:
     try:
         kept = os.dup(descriptor)
     except OSError:
-        yield  # it is closed: nobody reads the line
+        yield  # it is closed: the line is lost anyway
         return
     with tempfile.TemporaryFile() as caught:
         _flush()

@@ -54,9 +54,8 @@ def _look_down(wheel: Any, car: Any, motion: BodyMotion, ground: GroundTable, hi
     ex, ey = car.envelope_m * r11, car.envelope_m * r21
     for n in range(PLACES):
         side = float(n - 1)
-        number, height = highest_below(
-            ground, hx + side * ex, hy + side * ey, hz + _LOOK_ABOVE_M, hz - _LOOK_BELOW_M
-        )
+        east, north = hx + side * ex, hy + side * ey
+        number, height = highest_below(ground, east, north, hz + _LOOK_ABOVE_M, hz - _LOOK_BELOW_M)
         hits[n, 0], hits[n, 1] = 1.0 if number >= 0 else 0.0, height
         if number >= 0:
             for axis in range(3):
@@ -99,14 +98,10 @@ def advance_wheels(tables: CarTables, motion: BodyMotion, ground: GroundTable, r
         above = rough_height(rough, wheel.hub_x, wheel.hub_y)
         v_long, v_lat = _load(wheel, car, motion, hits[k], above, steer)
         advance_tyre(wheel, car, v_long, wheel.spin_radps * wheel.radius_m - v_long, -v_lat, drive.mu)
-        _spin(
-            wheel,
-            car,
-            0.0 if is_front else motor,
-            front if is_front else rear,
-            0.0 if is_front else drive.handbrake_nm,
-            drive.mu,
-        )
+        if is_front:
+            _spin(wheel, car, 0.0, front, 0.0, drive.mu)
+        else:
+            _spin(wheel, car, motor, rear, drive.handbrake_nm, drive.mu)
         _spring(wheel, car, motion, steer, bar if is_left else -bar)
         x, y, z = wheel.x, wheel.y, wheel.contact_z
         push[0] += wheel.force_x
@@ -233,6 +228,5 @@ def _spring(wheel: Any, car: Any, motion: BodyMotion, steer_rad: float, anti_rol
     cz = wheel.contact_z
     ux, uy = vx + wy * cz - wz * y, vy + wz * x - wx * cz
     # The z axis turns with the body: d(v·z)/dt = a·z + v·(ω × z).
-    wheel.speed_z += TICK_S * (
-        (force_z - spring) / wheel.unsprung_kg - GRAVITY_MPS2 * r33 + ux * wy - uy * wx
-    )
+    lift_mps2 = (force_z - spring) / wheel.unsprung_kg - GRAVITY_MPS2 * r33
+    wheel.speed_z += TICK_S * (lift_mps2 + ux * wy - uy * wx)

@@ -14,7 +14,7 @@ from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.physics.actor_pool import ActorPool
-from carlaloc_env.physics.contacts import Contact, ContactLog
+from carlaloc_env.physics.contacts import Contact, ContactLog, Vector3
 from carlaloc_env.physics.kept_ground import kept_ground
 from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.road.road_profile import Roughness
@@ -29,12 +29,9 @@ _CONTACT_ERP = 0.05
 _BODY_FRICTION = 0.4
 """Friction of the ego's body against things."""
 
-Vector3 = tuple[float, float, float]
-"""x, y, z."""
-
 
 class PhysicsWorld:
-    """One PyBullet server of its own, in this process, stepped at 200 Hz.
+    """A separate PyBullet server in this process, stepped at 200 Hz.
 
     Args:
         collision_vertices_m: Corners of the drivable surface, kerbs and obstacles [m], world, (V, 3).
@@ -104,12 +101,7 @@ class PhysicsWorld:
         self._friction = float(mu_factor)
 
     def set_actors(
-        self,
-        frame: ActorFrame,
-        catalog: ActorCatalog,
-        following: ActorFrame | None = None,
-        *,
-        ticks: int = 0,
+        self, frame: ActorFrame, catalog: ActorCatalog, following: ActorFrame | None = None, *, ticks: int = 0
     ) -> None:
         """Place boxes for the actors around the ego, which then move on by themselves.
 

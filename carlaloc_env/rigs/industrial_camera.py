@@ -13,7 +13,7 @@ from carlaloc_env.sensors.imaging.imager import ImagerConfig
 from carlaloc_env.sensors.imaging.shutter_config import ShutterConfig
 
 SNR_MAX_DB, DYNAMIC_RANGE_DB, ADC_BITS, PIXEL_UM = 40.2, 71.4, 12, 3.45
-"""What the data sheet says."""
+"""Figures of the data sheet."""
 
 
 def saturation_capacity_e() -> float:

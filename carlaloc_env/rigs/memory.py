@@ -1,4 +1,4 @@
-"""How much memory a rig takes, told before any of it is taken."""
+"""How much memory a rig takes, estimated before any of it is taken."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def check_memory(rig: SensorRig, *, quality: str = "medium", weathers: int = 1, 
 
 
 def available_bytes() -> int | None:
-    """Memory that may still be taken here [bytes], also inside a container; None where nobody tells."""
+    """Memory that may still be taken here [bytes], also inside a container; None where it is not known."""
     found = [size for size in (_free_of_machine(), _free_of_container()) if size is not None]
     return min(found, default=None)
 

@@ -14,7 +14,7 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.rigs.industrial_camera import industrial_imager, industrial_shutter, wide_angle_lens
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.gnss.gnss import GnssConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig
@@ -38,31 +38,15 @@ GNSS_Z_M = 1.5
 
 def paper_rig() -> SensorRig:
     """The rig of the CARLA-Loc paper, IMU axes up, right, forward."""
-    return SensorRig(
-        name="paper",
-        sensors=(
-            _imu("paper_imu"),
-            *_cameras(),
-            LidarConfig(mount=_mount(-0.3, LIDAR_Z_M)),
-            *_radars(),
-            _gnss(),
-            SpeedConfig(),
-        ),
-    )
+    lidar = LidarConfig(mount=_mount(-0.3, LIDAR_Z_M))
+    sensors = (_imu("paper_imu"), *_cameras(), lidar, *_radars(), _gnss(), SpeedConfig())
+    return SensorRig(name="paper", sensors=sensors)
 
 
 def flu_rig() -> SensorRig:
     """The same places with the IMU in FLU axes, the angles and timing of an HDL-32E, wheels and CAN."""
-    sensors: tuple[SensorConfig, ...] = (
-        _imu("flu"),
-        *_cameras(),
-        _hdl32e(),
-        *_radars(),
-        _gnss(),
-        SpeedConfig(),
-    )
-    sensors += (WheelsConfig(), CanConfig())
-    return SensorRig(name="flu", sensors=sensors)
+    car = (SpeedConfig(), WheelsConfig(), CanConfig())
+    return SensorRig(name="flu", sensors=(_imu("flu"), *_cameras(), _hdl32e(), *_radars(), _gnss(), *car))
 
 
 def real_rig() -> SensorRig:

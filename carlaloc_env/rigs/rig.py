@@ -38,9 +38,8 @@ class SensorRig:
     def __post_init__(self) -> None:
         check_name("name of a rig:", self.name)
         if len(self.sensors) > SENSORS_MAX:
-            raise ConfigError(
-                f"rig '{self.name}' has {len(self.sensors)} sensors; give at most {SENSORS_MAX}"
-            )
+            count = len(self.sensors)
+            raise ConfigError(f"rig '{self.name}' has {count} sensors; give at most {SENSORS_MAX}")
         names = [(sensor.kind, sensor.name) for sensor in self.sensors]
         for kind, name in names:
             if names.count((kind, name)) > 1:
@@ -58,7 +57,7 @@ class SensorRig:
 
     def believed(self, faults: Faults) -> SensorRig:
         """The rig as its calibration shows it: this one, unless the calibration has faults."""
-        return replace(self, sensors=tuple(faults.believed(one) for one in self.sensors))
+        return replace(self, sensors=tuple(faults.believed(sensor) for sensor in self.sensors))
 
     def build(self, world: World) -> Rig:
         """The sensors in a world.
@@ -140,15 +139,12 @@ class Rig:
             raise ConfigError(f"{what}; remove the key 'faults'")
         self.config = config
         self.sensors: tuple[Sensor, ...] = tuple(sensor.build(world) for sensor in config.sensors)
-        names: list[str] = []
-        for sensor in self.sensors:
-            # Spaces of pictures are as large as pictures: they are not kept.
-            names += sensor.streams()
-        for stream, times in Counter(names).items():
+        # Spaces of pictures are as large as pictures: they are not kept.
+        self.streams = tuple(stream for sensor in self.sensors for stream in sensor.streams())
+        """Names of all streams, in the order of the sensors."""
+        for stream, times in Counter(self.streams).items():
             if times > 1:
                 raise ConfigError(f"rig '{config.name}' has two streams named '{stream}'; rename one sensor")
-        self.streams = tuple(names)
-        """Names of all streams, in the order of the sensors."""
 
     def measure(self, timeline: Timeline, first_ns: int, end_ns: int) -> list[Sample]:
         """All samples that become complete after `first_ns` and not later than `end_ns`.

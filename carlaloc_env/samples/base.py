@@ -10,21 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def check(sample: object, name: str, dtype: type[np.generic], shape: tuple[int | None, ...]) -> None:
-    """Refuse a sample whose array has another dtype or shape; None stands for any length.
+def check_arrays(sample: object, dtype: type[np.generic], shape: tuple[int | None, ...], *names: str) -> None:
+    """Refuse a sample if one of these arrays has another dtype or shape.
+
+    Args:
+        sample: The sample.
+        dtype: Type of the numbers.
+        shape: Shape; None stands for any length.
+        names: Fields that hold the arrays; fields of the value None are left out.
 
     Raises:
-        ValueError: It has.
+        ValueError: An array does not fit.
     """
-    array: NDArray[Any] = getattr(sample, name)
-    fits = array.ndim == len(shape) and all(
-        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
-    )
-    if array.dtype != np.dtype(dtype) or not fits:
-        raise ValueError(
-            f"{type(sample).__name__}.{name} is {array.dtype}{list(array.shape)}, "
-            f"not {np.dtype(dtype)}{[n if n is not None else 'N' for n in shape]}"
+    for name in names:
+        array: NDArray[Any] | None = getattr(sample, name)
+        if array is None:
+            continue
+        fits = array.ndim == len(shape) and all(
+            want is None or have == want for have, want in zip(array.shape, shape, strict=True)
         )
+        if array.dtype != np.dtype(dtype) or not fits:
+            raise ValueError(
+                f"{type(sample).__name__}.{name} is {array.dtype}{list(array.shape)}, "
+                f"not {np.dtype(dtype)}{[n if n is not None else 'N' for n in shape]}"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

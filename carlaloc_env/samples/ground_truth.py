@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.geometry import transforms
-from carlaloc_env.samples.base import Sample, check
+from carlaloc_env.samples.base import Sample, check_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -27,11 +27,9 @@ class Odometry(Sample):
     """Acceleration in world axes, gravity not included [m/s²], shape (3,)."""
 
     def __post_init__(self) -> None:
-        check(self, "position_m", np.float64, (3,))
-        check(self, "quat_xyzw", np.float64, (4,))
-        check(self, "velocity_world_mps", np.float64, (3,))
-        check(self, "angular_rate_radps", np.float64, (3,))
-        check(self, "acceleration_world_mps2", np.float64, (3,))
+        vectors = "position_m", "velocity_world_mps", "angular_rate_radps", "acceleration_world_mps2"
+        check_arrays(self, np.float64, (3,), *vectors)
+        check_arrays(self, np.float64, (4,), "quat_xyzw")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -63,12 +61,11 @@ class ObjectList(Sample):
 
     def __post_init__(self) -> None:
         count = len(self.id)
-        check(self, "id", np.uint32, (count,))
-        check(self, "tag", np.uint8, (count,))
-        for name in ("position_m", "size_m", "velocity_mps"):
-            check(self, name, np.float64, (count, 3))
-        for name in ("heading_rad", "pitch_rad", "roll_rad", "yaw_rate_radps", "visible", "distance_m"):
-            check(self, name, np.float64, (count,))
+        check_arrays(self, np.uint32, (count,), "id")
+        check_arrays(self, np.uint8, (count,), "tag")
+        check_arrays(self, np.float64, (count, 3), "position_m", "size_m", "velocity_mps")
+        angles = "heading_rad", "pitch_rad", "roll_rad", "yaw_rate_radps"
+        check_arrays(self, np.float64, (count,), *angles, "visible", "distance_m")
 
     def __repr__(self) -> str:
         """One line: how many there are."""

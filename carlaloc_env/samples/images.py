@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.samples.base import Sample, check
+from carlaloc_env.samples.base import Sample, check_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -18,7 +18,7 @@ class Image(Sample):
     """sRGB values 0–255, shape (H, W, 3)."""
 
     def __post_init__(self) -> None:
-        check(self, "rgb", np.uint8, (None, None, 3))
+        check_arrays(self, np.uint8, (None, None, 3), "rgb")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -29,7 +29,7 @@ class DepthImage(Sample):
     """Planar depth z [m], 0 = sky, shape (H, W)."""
 
     def __post_init__(self) -> None:
-        check(self, "depth_m", np.float32, (None, None))
+        check_arrays(self, np.float32, (None, None), "depth_m")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -42,8 +42,8 @@ class SemanticImage(Sample):
     """Instance id, 0 = none, shape (H, W)."""
 
     def __post_init__(self) -> None:
-        check(self, "tag", np.uint8, (None, None))
-        check(self, "instance", np.uint32, (None, None))
+        check_arrays(self, np.uint8, (None, None), "tag")
+        check_arrays(self, np.uint32, (None, None), "instance")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -54,7 +54,7 @@ class FlowImage(Sample):
     """Rightwards and downwards [px], of the sky by the camera's turning alone, shape (H, W, 2)."""
 
     def __post_init__(self) -> None:
-        check(self, "flow_px", np.float32, (None, None, 2))
+        check_arrays(self, np.float32, (None, None, 2), "flow_px")
 
     def observed(self) -> NDArray[np.float32]:
         """The flow [px]."""
@@ -69,7 +69,7 @@ class NormalImage(Sample):
     """Unit shading normal in the optical frame, zero for the sky, shape (H, W, 3)."""
 
     def __post_init__(self) -> None:
-        check(self, "normal", np.float32, (None, None, 3))
+        check_arrays(self, np.float32, (None, None, 3), "normal")
 
     def observed(self) -> NDArray[np.float32]:
         """The normals."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
-from carlaloc_env.samples.base import Sample, check
+from carlaloc_env.samples.base import Sample, check_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -37,16 +37,11 @@ class PointCloud(Sample):
 
     def __post_init__(self) -> None:
         count = len(self.points_xyz_m)
-        check(self, "points_xyz_m", np.float32, (count, 3))
-        check(self, "intensity", np.float32, (count,))
-        check(self, "ring", np.uint16, (count,))
-        check(self, "offset_ns", np.uint32, (count,))
-        if self.tag is not None:
-            check(self, "tag", np.uint8, (count,))
-        if self.instance is not None:
-            check(self, "instance", np.uint32, (count,))
-        if self.cos_incidence is not None:
-            check(self, "cos_incidence", np.float32, (count,))
+        check_arrays(self, np.float32, (count, 3), "points_xyz_m")
+        check_arrays(self, np.float32, (count,), "intensity", "cos_incidence")
+        check_arrays(self, np.uint16, (count,), "ring")
+        check_arrays(self, np.uint32, (count,), "offset_ns", "instance")
+        check_arrays(self, np.uint8, (count,), "tag")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -74,17 +69,15 @@ class RadarScan(Sample):
 
     def __post_init__(self) -> None:
         count = len(self.range_m)
-        for name in ("range_m", "azimuth_rad", "elevation_rad", "doppler_mps", "snr_db", "rcs_dbsm"):
-            check(self, name, np.float32, (count,))
-        check(self, "tag", np.uint8, (count,))
-        check(self, "instance", np.uint32, (count,))
-        check(self, "origin", np.uint8, (count,))
+        measured = "range_m", "azimuth_rad", "elevation_rad", "doppler_mps", "snr_db", "rcs_dbsm"
+        check_arrays(self, np.float32, (count,), *measured)
+        check_arrays(self, np.uint8, (count,), "tag", "origin")
+        check_arrays(self, np.uint32, (count,), "instance")
 
     @property
     def points_xyz_m(self) -> NDArray[np.float32]:
         """Detections as points [m] in the radar's frame, shape (N, 3)."""
         flat = self.range_m * elementary.cos(self.elevation_rad)
         up = self.range_m * elementary.sin(self.elevation_rad)
-        return np.stack(
-            [flat * elementary.cos(self.azimuth_rad), flat * elementary.sin(self.azimuth_rad), up], axis=-1
-        )
+        ahead, left = flat * elementary.cos(self.azimuth_rad), flat * elementary.sin(self.azimuth_rad)
+        return np.stack([ahead, left, up], axis=-1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.samples.base import Sample, check
+from carlaloc_env.samples.base import Sample, check_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -24,10 +24,8 @@ class Imu(Sample):
     """Standard deviation of the attitude per axis [rad]."""
 
     def __post_init__(self) -> None:
-        check(self, "specific_force_mps2", np.float64, (3,))
-        check(self, "angular_rate_radps", np.float64, (3,))
-        if self.quat_xyzw is not None:
-            check(self, "quat_xyzw", np.float64, (4,))
+        check_arrays(self, np.float64, (3,), "specific_force_mps2", "angular_rate_radps")
+        check_arrays(self, np.float64, (4,), "quat_xyzw")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -50,7 +48,7 @@ class GnssFix(Sample):
     """Number of satellites used [1]; 0 where none are modelled."""
 
     def __post_init__(self) -> None:
-        check(self, "covariance_enu_m2", np.float64, (3, 3))
+        check_arrays(self, np.float64, (3, 3), "covariance_enu_m2")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -73,8 +71,8 @@ class WheelTicks(Sample):
     """Ticks in one turn of a wheel [1]; 96 = two of each of 48 teeth."""
 
     def __post_init__(self) -> None:
-        check(self, "ticks", np.int64, (4,))
-        check(self, "rate_radps", np.float64, (4,))
+        check_arrays(self, np.int64, (4,), "ticks")
+        check_arrays(self, np.float64, (4,), "rate_radps")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -97,4 +95,4 @@ class CanState(Sample):
     """Whether the handbrake is pulled, 1 = pulled."""
 
     def __post_init__(self) -> None:
-        check(self, "wheel_speed_mps", np.float64, (4,))
+        check_arrays(self, np.float64, (4,), "wheel_speed_mps")

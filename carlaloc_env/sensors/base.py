@@ -84,11 +84,7 @@ class Mount:
         return transforms.from_rotation(axes, self.position_m)
 
 
-_AXES = {
-    "flu": np.eye(3),
-    "optical": transforms.R_FLU_OPTICAL,
-    "paper_imu": transforms.R_FLU_PAPER_IMU,
-}
+_AXES = {"flu": np.eye(3), "optical": transforms.R_FLU_OPTICAL, "paper_imu": transforms.R_FLU_PAPER_IMU}
 """Rotations that map FLU to the axes of a convention, (3, 3)."""
 
 
@@ -194,7 +190,7 @@ class Camera(Sensor):
     def recall(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather]) -> Iterator[int]:
         """Stamps of the pictures before one that the sensor must have seen [ns]; each is seen in its turn.
 
-        Measuring that picture sees those that are missing, too; this tells how far it is. A sensor
+        Measuring that picture sees those that are missing, too; this shows the progress. A sensor
         without a memory has none.
         """
         return iter(())

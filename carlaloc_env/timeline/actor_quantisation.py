@@ -11,7 +11,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.jit import compiled, inlined
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.timeline.timeline import ActorFrame
 
 POSITION_STEP_M = 2.0**-11
@@ -77,52 +77,36 @@ def decode_actors(codes: ActorCodes) -> ActorFrame:
 
 def on_grid(frame: ActorFrame) -> ActorFrame:
     """The same state rounded to whole steps: `decode_actors` of its `encode_actors`."""
-    rounded = {name: np.empty_like(getattr(frame, name)) for name in _ROUNDED}
-    given = [np.ascontiguousarray(getattr(frame, name)).reshape(-1) for name in _ROUNDED]
-    _round(*given, *(array.reshape(-1) for array in rounded.values()))
+    rounded = {name: np.array(getattr(frame, name), order="C") for name in (*_STEPS, *_ANGLES)}
+    for name, (step, most) in _STEPS.items():
+        _round(rounded[name].reshape(-1), step, most)
+    for name in _ANGLES:
+        _round_angles(rounded[name])
     return ActorFrame(**rounded, lights=frame.lights)
 
 
-_ROUNDED = (
-    "position_m", "travelled_m", "speed_mps", "heading_rad", "pitch_rad", "roll_rad", "steer_rad",
-)  # fmt: skip
-"""Fields that are rounded, in the order in which `_round` takes them."""
+_STEPS = {
+    "position_m": (POSITION_STEP_M, np.inf),
+    "travelled_m": (TRAVEL_STEP_M, np.inf),
+    "speed_mps": (SPEED_STEP_MPS, float(_INT16_MAX)),
+}
+"""Step of each field that is no angle, and the most steps that it has."""
+_ANGLES = ("heading_rad", "pitch_rad", "roll_rad", "steer_rad")
 
 
 @compiled
-def _round(
-    position: NDArray[np.float32],
-    travelled: NDArray[np.float32],
-    speed: NDArray[np.float32],
-    heading: NDArray[np.float32],
-    pitch: NDArray[np.float32],
-    roll: NDArray[np.float32],
-    steer: NDArray[np.float32],
-    position_out: NDArray[np.float32],
-    travelled_out: NDArray[np.float32],
-    speed_out: NDArray[np.float32],
-    heading_out: NDArray[np.float32],
-    pitch_out: NDArray[np.float32],
-    roll_out: NDArray[np.float32],
-    steer_out: NDArray[np.float32],
-) -> None:
-    """Round N actors to whole steps, positions flat (3 N,); 0 is added since codes have no −0."""
-    for k in range(len(position)):
-        position_out[k] = np.rint(position[k] / POSITION_STEP_M) * POSITION_STEP_M + 0.0
-    for k in range(len(travelled)):
-        travelled_out[k] = np.rint(travelled[k] / TRAVEL_STEP_M) * TRAVEL_STEP_M + 0.0
-        steps = np.rint(speed[k] / SPEED_STEP_MPS)
-        speed_out[k] = min(max(steps, -_INT16_MAX), _INT16_MAX) * SPEED_STEP_MPS + 0.0
-        heading_out[k] = _whole_angle(heading[k])
-        pitch_out[k] = _whole_angle(pitch[k])
-        roll_out[k] = _whole_angle(roll[k])
-        steer_out[k] = _whole_angle(steer[k])
+def _round(values: NDArray[np.float32], step: float, most: float) -> None:
+    """Round numbers (N,) to whole steps, `most` of them; 0 is added since codes have no −0."""
+    for k in range(len(values)):
+        values[k] = min(max(np.rint(values[k] / step), -most), most) * step + 0.0
 
 
-@inlined
-def _whole_angle(angle_rad: float) -> float:
-    """The nearest step of an angle, −π up to below π."""
-    return float((int(np.rint(angle_rad / ANGLE_STEP_RAD)) + 32768) % 65536 - 32768) * ANGLE_STEP_RAD
+@compiled
+def _round_angles(angles_rad: NDArray[np.float32]) -> None:
+    """Round angles (N,) to whole steps, −π up to below π."""
+    for k in range(len(angles_rad)):
+        steps = (int(np.rint(angles_rad[k] / ANGLE_STEP_RAD)) + 32768) % 65536 - 32768
+        angles_rad[k] = float(steps) * ANGLE_STEP_RAD
 
 
 def _steps(values: NDArray[np.float32], step: float) -> NDArray[np.float64]:

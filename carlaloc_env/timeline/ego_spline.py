@@ -154,11 +154,8 @@ def _place(position_m: Array, rows: tuple[int, int, int, int], u: float, out: Ar
         # Relative to one control point: second differences of coordinates of a few hundred metres
         # would otherwise lose six digits.
         anchor = position_m[at, k]
-        a, b, c = (
-            position_m[before, k] - anchor,
-            position_m[after, k] - anchor,
-            position_m[beyond, k] - anchor,
-        )
+        a, b = position_m[before, k] - anchor, position_m[after, k] - anchor
+        c = position_m[beyond, k] - anchor
         value = (1 - u) ** 3 * a + (-3 * u**3 + 3 * u**2 + 3 * u + 1) * b + u**3 * c
         first = -3 * (1 - u) ** 2 * a + (-9 * u**2 + 6 * u + 3) * b + 3 * u**2 * c
         second = 6 * (1 - u) * a + (-18 * u + 6) * b + 6 * u * c
@@ -176,11 +173,7 @@ def _attitude(first: Array, turn_rad: Array, u: float, out_quat: Array, out: Arr
         if k == 0:
             b, db, ddb = (5 + 3 * u - 3 * u**2 + u**3) / 6, (3 - 6 * u + 3 * u**2) / 6, (-6 + 6 * u) / 6
         elif k == 1:
-            b, db, ddb = (
-                (1 + 3 * u + 3 * u**2 - 2 * u**3) / 6,
-                (3 + 6 * u - 6 * u**2) / 6,
-                (6 - 12 * u) / 6,
-            )
+            b, db, ddb = (1 + 3 * u + 3 * u**2 - 2 * u**3) / 6, (3 + 6 * u - 6 * u**2) / 6, (6 - 12 * u) / 6
         else:
             b, db, ddb = u**3 / 6, 3 * u**2 / 6, u
         db, ddb = db / TICK_S, ddb / TICK_S**2
@@ -198,12 +191,8 @@ def _attitude(first: Array, turn_rad: Array, u: float, out_quat: Array, out: Arr
         w = (w[0] + db * turn[0], w[1] + db * turn[1], w[2] + db * turn[2])
         qx, qy, qz, qw = _product(qx, qy, qz, qw, x, y, z, c)
     size = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
-    out_quat[m, 0], out_quat[m, 1], out_quat[m, 2], out_quat[m, 3] = (
-        qx / size,
-        qy / size,
-        qz / size,
-        qw / size,
-    )
+    out_quat[m, 0], out_quat[m, 1] = qx / size, qy / size
+    out_quat[m, 2], out_quat[m, 3] = qz / size, qw / size
     for k in range(3):
         out[3, m, k], out[4, m, k] = w[k], alpha[k]
 

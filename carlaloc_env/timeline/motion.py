@@ -49,14 +49,12 @@ class Motion:
         w, q = self.omega_body_radps, self.quat_xyzw
         arm = np.broadcast_to(lever_m, w.shape)
         wl = transforms.cross(w, arm)
+        turning = transforms.cross(self.alpha_body_radps2, arm) + transforms.cross(w, wl)
         return dataclasses.replace(
             self,
             position_m=self.position_m + transforms.quat_rotate(q, arm),
             velocity_world_mps=self.velocity_world_mps + transforms.quat_rotate(q, wl),
-            acceleration_world_mps2=self.acceleration_world_mps2
-            + transforms.quat_rotate(
-                q, transforms.cross(self.alpha_body_radps2, arm) + transforms.cross(w, wl)
-            ),
+            acceleration_world_mps2=self.acceleration_world_mps2 + transforms.quat_rotate(q, turning),
         )
 
     def _turned_by(self, R_frame_mount: Array) -> Motion:

@@ -71,7 +71,7 @@ _STRIDE_M = 1.0
 
 
 def came_in_elsewhere(change_m: ArrayLike, turn_rad: ArrayLike) -> NDArray[np.bool_]:
-    """Whether actors have left the map within a step, and come in elsewhere: nobody is in between.
+    """Whether actors left the map within a step and came in elsewhere, with no place in between.
 
     Args:
         change_m: Change of position [m], shape (..., 3).
@@ -131,6 +131,10 @@ def empty_frame() -> ActorFrame:
         steer_rad=zero,
         lights=np.zeros(0, np.uint8),
     )
+
+
+_LINEAR = ("position_m", "pitch_rad", "speed_mps", "travelled_m", "steer_rad", "roll_rad")
+"""Fields of `ActorFrame` that change evenly between two steps."""
 
 
 class ActorPoses(NamedTuple):
@@ -209,22 +213,12 @@ class Timeline:
         if fraction == 0.0:
             return a
         f = np.float32(fraction)
-        change = b.position_m - a.position_m
-        away = came_in_elsewhere(change, b.heading_rad - a.heading_rad)
+        away = came_in_elsewhere(b.position_m - a.position_m, b.heading_rad - a.heading_rad)
         if away.any():
             b = _held(a, b, away)
-            change = b.position_m - a.position_m
-        position = a.position_m + f * change
-        return ActorFrame(
-            position_m=position,
-            heading_rad=_turn(a.heading_rad, b.heading_rad, f),
-            pitch_rad=a.pitch_rad + f * (b.pitch_rad - a.pitch_rad),
-            speed_mps=a.speed_mps + f * (b.speed_mps - a.speed_mps),
-            travelled_m=a.travelled_m + f * (b.travelled_m - a.travelled_m),
-            steer_rad=a.steer_rad + f * (b.steer_rad - a.steer_rad),
-            lights=a.lights,
-            roll_rad=a.roll_rad + f * (b.roll_rad - a.roll_rad),
-        )
+        pairs = {name: (getattr(a, name), getattr(b, name)) for name in _LINEAR}
+        even = {name: begin + f * (end - begin) for name, (begin, end) in pairs.items()}
+        return ActorFrame(**even, heading_rad=_turn(a.heading_rad, b.heading_rad, f), lights=a.lights)
 
     def actor_poses(self, index: int | NDArray[np.intp], stamps_ns: NDArray[np.int64]) -> ActorPoses:
         """Poses of actors at M times [ns].
@@ -236,10 +230,10 @@ class Timeline:
         step = stamps_ns // STEP_NS - self._first_step
         first, last = int(step.min()), int(step.max()) + 1
         frames = [self._frames[min(k, len(self._frames) - 1)] for k in range(first, last + 1)]
-        position = np.array([frame.position_m for frame in frames], dtype=np.float64)
-        heading = np.array([frame.heading_rad for frame in frames], dtype=np.float64)
-        pitch = np.array([frame.pitch_rad for frame in frames], dtype=np.float64)
-        roll = np.array([frame.roll_rad for frame in frames], dtype=np.float64)
+        position, heading, pitch, roll = (
+            np.array([getattr(frame, name) for frame in frames], dtype=np.float64)
+            for name in ActorPoses._fields
+        )
         still = came_in_elsewhere(np.diff(position, axis=0), np.diff(heading, axis=0))
         row = (step - first) * len(self.catalog) + index
         fraction = (stamps_ns % STEP_NS) / STEP_NS

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from carlaloc_env.town.town import Town
 
 LEVELS = {"dynamic": 1.0, "static": 0.0, "empty": 0.0}
-"""Named levels of traffic, as fractions of the town's own numbers; `empty` leaves out parked cars, too."""
+"""Named levels of traffic, as fractions of the town's numbers; `empty` leaves out parked cars, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ class TrafficConfig:
     global_percentage_speed_difference: float = 0.0
     """How much slower than usual all vehicles drive [%]; negative values drive faster."""
     distance_to_leading_vehicle: float | None = None
-    """Gap that all vehicles keep to a standing vehicle in front [m]; None for each driver's own."""
+    """Gap that all vehicles keep to a standing vehicle in front [m]; None: the gap of each driver."""
     auto_lane_change: bool = True
     """Whether drivers change lanes to drive faster; they always do where their path asks for it."""
     random_left_lanechange_percentage: float = 0.0

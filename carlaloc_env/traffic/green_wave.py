@@ -39,20 +39,14 @@ class Passings(NamedTuple):
 
     def rows(self, chosen: Flags) -> Passings:
         """Some of the passings, by flags (L,)."""
-        return Passings(
-            self.travel_s[chosen],
-            self.junction[chosen],
-            self.green_begins_s[chosen],
-            self.green_s[chosen],
-            self.cycle_s[chosen],
-        )
+        return Passings(**{name: column[chosen] for name, column in self._asdict().items()})
 
 
 def wave_begins_s(passings: Passings, begins_s: Array) -> Array:
     """Beginnings of the cycles of J junctions with which cars of all `PACES` wait least [s], (J,).
 
-    Junctions are gone over in the order of the route, each with the others held (coordinate descent): whoever
-    waits at one light comes later to the next. At first, lights not yet gone over let everybody pass.
+    Junctions are gone over in the order of the route, each with the others held (coordinate descent): a car
+    that waits at one light comes later to the next. At first, lights not yet gone over are open.
 
     Args:
         passings: Passings of stop lines.

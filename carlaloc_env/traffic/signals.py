@@ -17,11 +17,9 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.green_wave import Passings, wave_begins_s
 from carlaloc_env.traffic.stop_lines import StopLines, stop_lines, travel_times_s
+from carlaloc_env.traffic.tables.conflict_zones import TURN_RAD
 from carlaloc_env.traffic.tables.demand import MAIN_STREET_DEMAND, lane_demand
 from carlaloc_env.traffic.tables.lane_tables import Roads
-
-_TURN_RAD = 0.5
-"""Change of heading along a junction lane from which it is a turn [rad]."""
 
 
 class SignalState(IntEnum):
@@ -205,10 +203,10 @@ def _phases(network: LaneNetwork, heads: list[int]) -> list[int]:
 def _green_durations(
     network: LaneNetwork, heads: list[int], phases: list[int], timing: SignalTiming, main: set[int]
 ) -> list[float]:
-    """Green of each phase [s]; a lone phase is followed by one in which nobody may drive."""
+    """Green of each phase [s]; a lone phase is followed by a phase without green."""
     durations = []
     for phase in range(1 + max(phases)):
-        numbers = [k for k, own in zip(heads, phases, strict=True) if own == phase]
+        numbers = [k for k, of_head in zip(heads, phases, strict=True) if of_head == phase]
         lanes = [lane for k in numbers for lane in network.signals[k].junction_lanes]
         across = bool(lanes) and all(_turns_across(network, lane) for lane in lanes)
         if main.intersection(numbers):
@@ -223,7 +221,7 @@ def _turns_across(network: LaneNetwork, lane: int) -> bool:
     tables, kerb_side = network.tables, network.lanes[lane].kerb_side
     first, count = int(tables.first[lane]), int(tables.count[lane])
     turn = tables.heading_rad[first + count - 1] - tables.heading_rad[first]
-    return bool(-kerb_side * turn > _TURN_RAD)
+    return bool(-kerb_side * turn > TURN_RAD)
 
 
 def _axis(network: LaneNetwork, index: int) -> str:

@@ -131,10 +131,8 @@ class TrafficTables:
         lanes, stations = lanes[order], stations[order]
         keep = self.network.width_m(lanes, stations) > _NARROWEST_M
         if len(keep_clear_m):
-            where = self.network.pose(lanes, stations).position_m
-            keep &= (
-                np.min(np.linalg.norm(where[:, None] - keep_clear_m[None], axis=-1), axis=1) > KEEP_CLEAR_M
-            )
+            away = self.network.pose(lanes, stations).position_m[:, None] - keep_clear_m[None]
+            keep &= np.min(np.linalg.norm(away, axis=-1), axis=1) > KEEP_CLEAR_M
         return lanes[keep], stations[keep]
 
 

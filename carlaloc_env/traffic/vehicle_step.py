@@ -18,7 +18,6 @@ from carlaloc_env.traffic.tables.occupancy import (
     Occupancy,
     empty_occupancy,
     gather_bodies,
-    missing_rows,
     sort_bodies,
 )
 from carlaloc_env.traffic.tables.record_arrays import columns
@@ -42,7 +41,6 @@ from carlaloc_env.traffic.vehicles.overlapping_lanes import (
     Overlaps,
     empty_approaches,
     gather_approaches,
-    missing_approaches,
     yield_at_overlaps,
 )
 from carlaloc_env.traffic.vehicles.poses import VehiclePoses, put_poses
@@ -232,12 +230,11 @@ class Vehicles:
     def _grow(self) -> None:
         """Give the table that was too small twice the rows that it needs."""
         traffic, lanes = self.traffic, len(self.traffic.density)
-        if missing_rows(traffic.occupancy):
-            rows = 2 * int(traffic.occupancy.used[0])
-            self.traffic = traffic._replace(occupancy=empty_occupancy(self.count, lanes, rows))
-        elif missing_approaches(traffic.approaches):
-            rows = 2 * int(traffic.approaches.used[0])
-            self.traffic = traffic._replace(approaches=empty_approaches(self.count, rows))
+        bodies, approaches = int(traffic.occupancy.used[0]), int(traffic.approaches.used[0])
+        if bodies > len(traffic.occupancy.order):
+            self.traffic = traffic._replace(occupancy=empty_occupancy(self.count, lanes, 2 * bodies))
+        else:
+            self.traffic = traffic._replace(approaches=empty_approaches(self.count, 2 * approaches))
 
     def lights(self) -> NDArray[np.uint8]:
         """Bits of lit lights, (N,)."""

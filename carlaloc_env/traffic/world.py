@@ -38,11 +38,9 @@ class TrafficWorld:
         names, tints = draw_vehicles(config)
         self._tables = tables or TrafficTables(network)
         self.signal_plan = self._tables.signal_plan(config.timing)
-        drivers, open_fraction = (
-            draw_drivers(names, config),
-            self.signal_plan.open_fraction(self._tables.roads),
-        )
-        self._vehicles = Vehicles(self._tables, drivers, config.driver_parameters(), open_fraction)
+        drivers, parameters = draw_drivers(names, config), config.driver_parameters()
+        open_fraction = self.signal_plan.open_fraction(self._tables.roads)
+        self._vehicles = Vehicles(self._tables, drivers, parameters, open_fraction)
         self.catalog = draw_catalog(names, tints, config)
         self._put_actors, self._put_boxes = same_types(put_actors), same_types(put_boxes)
 
@@ -60,12 +58,8 @@ class TrafficWorld:
                 f"{config.vehicles} vehicles do not fit here; give --traffic dynamic,vehicles={len(lane)}"
             )
         self._vehicles.reset(lane[: config.vehicles], station[: config.vehicles])
-        self._walkers = Walkers(
-            self._tables.walker_network,
-            config.walkers,
-            config.seed,
-            self._vehicles.drivers,
-        )
+        network, drivers = self._tables.walker_network, self._vehicles.drivers
+        self._walkers = Walkers(network, config.walkers, config.seed, drivers)
         self._taken = np.zeros(len(self._tables.roads.crossing.lane), np.uint8)
         self._step = -round(config.warm_up_s * 1e9) // STEP_NS
         seen_ego = ego or _NOWHERE

@@ -178,9 +178,8 @@ class WeatherParameters:
         Fog counts through the vertical optical depth that it puts before the sun.
         """
         clouds = min(max((self.cloudiness - 20.0) / 60.0, 0.0), 1.0)
-        depth = self.fog_extinction_per_m * self.fog_scale_height_m + 30.0 * (
-            self.uniform_extinction_per_m - 1.0e-4 * self.mie_scattering_scale / 0.03
-        )
+        dust_and_rain = self.uniform_extinction_per_m - 1.0e-4 * self.mie_scattering_scale / 0.03
+        depth = self.fog_extinction_per_m * self.fog_scale_height_m + 30.0 * dust_and_rain
         slant = depth / max(elementary.sin(math.radians(max(self.sun_altitude_angle, 5.0))), 0.1)
         return 1.0 - (1.0 - clouds) * float(elementary.exp(-slant))
 

@@ -32,7 +32,7 @@ STEP_NS = 1_000_000_000
 class WeatherSchedule:
     """Weathers at times since the drive began; every field changes evenly from one to the next.
 
-    Before the first time its weather holds, after the last one that one's.
+    Before the first time, the first weather holds; after the last time, the last weather.
     """
 
     at_s: tuple[float, ...]

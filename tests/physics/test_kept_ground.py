@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES
 from carlaloc_env.physics.ground_heights import ground_table, highest_below
-from carlaloc_env.physics.kept_ground import kept_ground, to_arrays
+from carlaloc_env.physics.kept_ground import ground_arrays, kept_ground
 from carlaloc_env.town.town import Town
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
@@ -30,10 +30,10 @@ def waves(count: int) -> Mesh:
 
 def assert_kept(mesh: Mesh, folder: Path, files: int) -> None:
     """The table of a mesh is the same made anew, made and kept, and read again."""
-    anew = to_arrays(ground_table(*mesh))
+    anew = ground_arrays(ground_table(*mesh))
     for _ in range(2):
         table = kept_ground(*mesh)
-        found = to_arrays(table)
+        found = ground_arrays(table)
         assert list(found) == list(anew)
         for name, value in found.items():
             assert value.dtype == anew[name].dtype, name

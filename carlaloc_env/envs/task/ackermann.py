@@ -56,8 +56,5 @@ def controls_towards(steer: float, speed: float, motion: Motion, p: VehicleParam
     throttle, brake = (asked - coast) / (full - coast), (coast - asked) / p.brake_mps2
     if wanted_mps < _CREEP_MPS and v < _CREEP_MPS:
         throttle, brake = 0.0, _HELD
-    return Controls(
-        steer=max(-1.0, min(wheel, 1.0)),
-        throttle=min(max(throttle, 0.0), 1.0),
-        brake=min(max(brake, 0.0), 1.0),
-    )
+    throttle, brake = min(max(throttle, 0.0), 1.0), min(max(brake, 0.0), 1.0)
+    return Controls(steer=max(-1.0, min(wheel, 1.0)), throttle=throttle, brake=brake)

@@ -32,7 +32,7 @@ class ActionKind:
     space: spaces.Space[Any]
     """All actions of this kind."""
     controls: Callable[[Any, Motion], Controls]
-    """Controls of an action for a step; raises `ActionError`, one line, for whatever is none."""
+    """Controls of an action for a step; raises `ActionError`, one line, if it is not in the space."""
 
 
 def action_kind(name: str) -> ActionKind:
@@ -43,7 +43,8 @@ def action_kind(name: str) -> ActionKind:
     """
     if name not in ACTIONS:
         raise ConfigError(unknown_name("kind of action", str(name), ACTIONS))
-    return ACTIONS[name]()
+    space, controls = ACTIONS[name]
+    return ActionKind(space=space(), controls=controls)
 
 
 def controls_of(action: ArrayLike, _: Motion = AT_REST) -> Controls:
@@ -109,27 +110,11 @@ def _numbers(action: ArrayLike, lows: Mapping[str, float]) -> list[float]:
     return [min(max(value, low), 1.0) for low, value in zip(lows.values(), numbers, strict=True)]
 
 
-def _five() -> ActionKind:
-    low = np.array([-1, 0, 0, 0, 0], np.float32)
-    return ActionKind(space=spaces.Box(low, np.ones(5, np.float32), dtype=np.float32), controls=controls_of)
-
-
-def _two() -> ActionKind:
-    return ActionKind(space=spaces.Box(-1.0, 1.0, (2,), np.float32), controls=steer_and_pedal)
-
-
-def _ackermann() -> ActionKind:
-    return ActionKind(space=spaces.Box(-1.0, 1.0, (2,), np.float32), controls=steer_and_speed)
-
-
-def _discrete() -> ActionKind:
-    return ActionKind(space=spaces.Discrete(len(STEERS) * len(PEDALS)), controls=chosen)
-
-
-ACTIONS: dict[str, Callable[[], ActionKind]] = {
-    "controls": _five,
-    "continuous": _two,
-    "ackermann": _ackermann,
-    "discrete": _discrete,
+_LOWEST, _HIGHEST = np.array([-1, 0, 0, 0, 0], np.float32), np.ones(5, np.float32)
+ACTIONS: dict[str, tuple[Callable[[], spaces.Space[Any]], Callable[[Any, Motion], Controls]]] = {
+    "controls": (lambda: spaces.Box(_LOWEST, _HIGHEST, dtype=np.float32), controls_of),
+    "continuous": (lambda: spaces.Box(-1.0, 1.0, (2,), np.float32), steer_and_pedal),
+    "ackermann": (lambda: spaces.Box(-1.0, 1.0, (2,), np.float32), steer_and_speed),
+    "discrete": (lambda: spaces.Discrete(len(STEERS) * len(PEDALS)), chosen),
 }
-"""Makers of the kinds of actions."""
+"""What makes the space of each kind of actions, and controls of its actions."""

@@ -35,7 +35,7 @@ class AgentView(Protocol):
         """The first observation of a drive."""
 
     def follow(self, world: TaskWorld) -> None:
-        """Take note of a step of 50 ms; every one is told, also those after which nobody looks."""
+        """Take note of a step of 50 ms; called for every step, also for those without an observation."""
 
     def observe(self, world: TaskWorld, standing_s: float) -> Any:
         """The observation now."""

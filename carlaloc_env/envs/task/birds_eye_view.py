@@ -152,7 +152,6 @@ def _pieces(network: LaneNetwork) -> tuple[Array, Array]:
     begin, end = np.concatenate(begins), np.concatenate(ends)
     left = np.stack([-tables.tangent[:, 1], tables.tangent[:, 0]], axis=1) * (0.5 * tables.width_m[:, None])
     at = tables.position_m[:, :2]
-    corners = np.stack(
-        [at[begin] + left[begin], at[end] + left[end], at[end] - left[end], at[begin] - left[begin]], 1
-    )
+    on_left, on_right = at + left, at - left
+    corners = np.stack([on_left[begin], on_left[end], on_right[end], on_right[begin]], 1)
     return corners, 0.5 * (tables.position_m[begin] + tables.position_m[end])

@@ -92,8 +92,8 @@ def route_of(start: EpisodeStart, town: Town, rng: np.random.Generator) -> Route
         rng: Draws random routes and starts.
 
     Raises:
-        ConfigError: the town has no route of its own, or none can be drawn.
-        MapError: a point lies off the lanes, or no way leads from one to the next.
+        ConfigError: the town has no route, or none can be drawn.
+        MapError: a point lies off the lanes, or no lanes lead from one to the next.
     """
     route = _whole_route(start, town, rng)
     share = rng.uniform(0.0, _LAST_START) if start.start == ANYWHERE else float(start.start)
@@ -107,9 +107,7 @@ def _from(route: Route, s_m: float) -> Route:
         return route.starting_at(route.position_m[row, :2])
     row = min(row, len(route.position_m) - 2)
     columns = {item.name: getattr(route, item.name) for item in fields(route)}
-    rest: dict[str, Any] = {
-        name: column[row:] for name, column in columns.items() if isinstance(column, np.ndarray)
-    }
+    rest: Any = {name: rows[row:] for name, rows in columns.items() if isinstance(rows, np.ndarray)}
     return replace(route, **rest, length_m=route.length_m - row * route.step_m)
 
 
@@ -118,11 +116,11 @@ def _whole_route(start: EpisodeStart, town: Town, rng: np.random.Generator) -> R
         return _random_route(town, rng, start.spawn)
     points = start.route if isinstance(start.route, tuple) else ()
     if not points and start.spawn is None and start.goal is None:
-        return _own_route(town)
+        return _town_route(town)
     if not points:
-        own = None if start.spawn and start.goal else _own_route(town).position_m
-        begin = start.spawn if own is None or start.spawn else (float(own[0, 0]), float(own[0, 1]))
-        end = start.goal if own is None or start.goal else (float(own[-1, 0]), float(own[-1, 1]))
+        line = None if start.spawn and start.goal else _town_route(town).position_m
+        begin = start.spawn if line is None or start.spawn else (float(line[0, 0]), float(line[0, 1]))
+        end = start.goal if line is None or start.goal else (float(line[-1, 0]), float(line[-1, 1]))
         assert begin is not None
         assert end is not None
         return plan_route(town.network, [begin, end], for_car=True)
@@ -130,7 +128,7 @@ def _whole_route(start: EpisodeStart, town: Town, rng: np.random.Generator) -> R
     return plan_route(town.network, [*ends[0], *points, *ends[1]], for_car=True)
 
 
-def _own_route(town: Town) -> Route:
+def _town_route(town: Town) -> Route:
     if town.route is None:
         raise ConfigError(f"town '{town.name}' has no route; give spawn and goal")
     return town.route

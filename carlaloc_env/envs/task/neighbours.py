@@ -14,7 +14,7 @@ from carlaloc_env.core.jit import compiled
 COLUMNS = 11
 """Numbers of one road user: forward, left, their velocities, heading (cos, sin), length, width, kind (3)."""
 RANGE_M = 50.0
-"""Road users farther away are not told [m]."""
+"""Road users farther away are left out [m]."""
 _ROOM_M = 0.25
 """Room that the car wants beside others in its path [m]."""
 _STOREY_M = 4.0
@@ -123,11 +123,11 @@ def first_in_path(
         heading_rad: Their headings [rad], (N,).
         speed_mps: Their speeds [m/s], (N,).
         size_m: Their lengths and widths [m], (N, 2).
-        sight_m: How far is looked [m]; also the gap where nobody is in the path.
+        sight_m: Distance that is searched [m]; also the gap if the path is free.
         ego: The car.
 
     Returns:
-        The gap, and the speed; the car's own where nobody is in the path.
+        The gap, and the speed; the car's speed if the path is free.
     """
     rows = int(sight_m / step_m)
     best_m, best_mps = sight_m, ego.speed_mps
@@ -136,7 +136,7 @@ def first_in_path(
         if abs(x - ego.x) > sight_m or abs(y - ego.y) > sight_m:
             continue
         nearest, least = -1, np.inf
-        # Samples lie half a metre apart: every other one will do to find the nearest.
+        # Samples lie half a metre apart: every other sample is enough to find the nearest.
         for k in range(0, rows, 2):
             row = first_row + k
             if row >= len(route_m):

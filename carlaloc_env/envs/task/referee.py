@@ -21,7 +21,7 @@ STANDING_MPS = 0.1
 _IN_LANE_M = 1.2
 """So near the middle of its route, the car is on the road without a look at the map [m]."""
 _ARRIVED_M = 2.0
-"""Distance from the end of the route at which it is reached [m]: who stops a metre short has arrived."""
+"""Distance from the end of the route at which it is reached [m]: a car that stops 1 m short has arrived."""
 
 TERMS = ("progress", "lane_offset", "jerk", "speeding", "red_light", "collision", "off_road", "goal")
 """Names of the terms whose sum is the reward."""
@@ -31,7 +31,7 @@ COSTS = ("red_light", "collision", "off_road")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What the referee says of one step."""
+    """Verdict of the referee on one step."""
 
     terms: dict[str, float] = field(default_factory=lambda: dict.fromkeys(TERMS, 0.0))
     """Reward by term."""

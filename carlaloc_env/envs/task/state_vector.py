@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
@@ -20,20 +20,24 @@ from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.signals import SignalState
 
 ROUTE_AHEAD_M = (2.0, 4.0, 7.0, 11.0, 16.0, 22.0, 30.0, 40.0, 55.0, 75.0)
-"""Distances along the route at which it is told [m]."""
+"""Distances along the route of its points in the vector [m]."""
 SIGHT_M = 100.0
-"""Distance up to which lights and vehicles ahead are told [m]."""
+"""Distance up to which lights and vehicles ahead count [m]."""
 NEAR_M = 20.0
-"""The scale on which the nearer of them is told once more [m]: over 100 m, one metre and two look alike."""
+"""A finer scale, for the nearer of them once more [m]: over 100 m, one metre and two look alike."""
 _SHORTEST_M = 0.5
 """Shorter distances do not make the needed deceleration greater [m]."""
 NEIGHBOURS = 16
-"""Road users that are told, the nearest first."""
+"""Road users in the vector, the nearest first."""
 _STEP_S = STEP_NS * 1e-9
 _BACK_M = 4.0
 """A stop line counts until the front bumper is so far beyond it [m]."""
 _KINDS = {Tag.PEDESTRIAN: 2, Tag.RIDER: 1, Tag.MOTORCYCLE: 1, Tag.BICYCLE: 1}
 """Kind of a road user by its tag: 0 car, van, lorry or bus, 1 on two wheels, 2 on foot."""
+
+
+_RoadUsers = tuple[F32, F32, F32, Array]
+"""Positions [m], headings [rad], speeds [m/s] and sizes [m] of road users, as `put_neighbours` takes them."""
 
 
 class Entry(NamedTuple):
@@ -42,7 +46,7 @@ class Entry(NamedTuple):
     name: str
     """Its name; the number of a point or of a road user follows it."""
     scale: float
-    """What is told is the quantity over this, cut to −1…1."""
+    """The entry is the quantity over this, cut to −1…1."""
     unit: str
     """Unit of quantity and scale."""
     meaning: str
@@ -79,7 +83,12 @@ AHEAD = (
     Entry("gap", SIGHT_M, "m", "from the front bumper to the first road user in the route's path; 1 without"),
     Entry("gap_closing", 20.0, "m/s", "speed of the car less that one's speed along the route"),
     Entry("room", NEAR_M, "m", "the gap, or the distance to the next line if it is red or yellow and nearer"),
-    Entry("braking", 8.0, "m/s²", "deceleration by which the car stops at that line and closes up to no one"),
+    Entry(
+        "braking",
+        8.0,
+        "m/s²",
+        "deceleration by which the car stops at that line and short of the vehicle ahead",
+    ),
     Entry("safe_speed", 1.0, "", "share of the limit at which 2.5 m/s² of braking still does so, 1 m before"),
     Entry("corner_speed", 1.0, "", "share of the limit at which no curve ahead takes more than 2 m/s²"),
 )
@@ -116,7 +125,7 @@ def state_space() -> spaces.Box:
 
 
 class StateVector:
-    """Tells the state of one drive; keeps what does not change from step to step."""
+    """The state of one drive as a vector; keeps what does not change from step to step."""
 
     def __init__(self, world: TaskWorld) -> None:
         """Begin a drive in a world that has just been reset."""
@@ -155,11 +164,14 @@ class StateVector:
         )
         line = route.position_m, route.curvature_radpm, route.speed_limit_mps, route.step_m, route.closed
         _put_route_points(*line, s, self._ahead_m, ego, self._points)
+        actors = world.actors()
+        others = actors.position_m, actors.heading_rad, actors.speed_mps, self._size_m
+        put_neighbours(*others, self._kind, ego, self._distance_m, self._neighbours)
         parts = [
             self._ego(standing_s),
             self._points.ravel(),
-            self._ahead(route, s, ego),
-            self._others(ego).ravel(),
+            self._ahead(others, ego),
+            self._neighbours.ravel(),
         ]
         return np.clip(np.concatenate(parts) / self._scale, -1.0, 1.0).astype(np.float32)
 
@@ -187,26 +199,14 @@ class StateVector:
             ]
         )
 
-    def _ahead(self, route: Route, s_m: float, ego: Ego) -> Array:
+    def _ahead(self, others: _RoadUsers, ego: Ego) -> Array:
         """Next light, and the first road user in the path."""
+        route, s_m = self._world.route, self._world.route_s_m
         line_m, shown = self._next_light(s_m)
-        actors = self._world.actors()
-        gap_m, speed_mps = SIGHT_M, ego.speed_mps
-        if len(actors):
-            gap_m, speed_mps = first_in_path(
-                route.position_m,
-                route.heading_rad,
-                row := route.row_at(s_m),
-                (s_m % route.length_m if route.closed else s_m) - row * route.step_m,
-                route.step_m,
-                route.closed,
-                actors.position_m,
-                actors.heading_rad,
-                actors.speed_mps,
-                self._size_m,
-                SIGHT_M,
-                ego,
-            )
+        row = route.row_at(s_m)
+        beyond_m = (s_m % route.length_m if route.closed else s_m) - row * route.step_m
+        line = route.position_m, route.heading_rad, row, beyond_m, route.step_m, route.closed
+        gap_m, speed_mps = first_in_path(*line, *others, SIGHT_M, ego)
         lit = [float(shown == state) for state in (SignalState.RED, SignalState.YELLOW, SignalState.GREEN)]
         closing = ego.speed_mps - speed_mps
         room, braking = gap_m, _deceleration(closing, gap_m)
@@ -214,7 +214,6 @@ class StateVector:
         if (lit[0] or lit[1]) and line_m > 0.0:
             room, braking = min(room, line_m), max(braking, _deceleration(ego.speed_mps, line_m))
             safe_mps = min(safe_mps, _stopping_speed(line_m))
-        row = route.row_at(s_m)
         shares = np.array([safe_mps, self._corner_mps[row]]) / max(float(route.speed_limit_mps[row]), 1.0)
         return np.array([line_m, *lit, gap_m, closing, room, braking, *shares])
 
@@ -230,21 +229,6 @@ class StateVector:
         if away[nearest] > SIGHT_M:
             return SIGHT_M, 0
         return float(away[nearest]), int(self._world.signals()[lines.heads[nearest]].max())
-
-    def _others(self, ego: Ego) -> Array:
-        actors = self._world.actors()
-        if len(actors):
-            put_neighbours(
-                actors.position_m,
-                actors.heading_rad,
-                actors.speed_mps,
-                self._size_m,
-                self._kind,
-                ego,
-                self._distance_m,
-                self._neighbours,
-            )
-        return self._neighbours
 
 
 def _deceleration(closing_mps: float, distance_m: float) -> float:
@@ -298,7 +282,5 @@ def _put_route_points(
 
 
 def _scales() -> Array:
-    ego, route, ahead, neighbour = (
-        [entry.scale for entry in part] for part in (EGO, ROUTE, AHEAD, NEIGHBOUR)
-    )
-    return np.array([*ego, *route * len(ROUTE_AHEAD_M), *ahead, *neighbour * NEIGHBOURS])
+    entries = (*EGO, *ROUTE * len(ROUTE_AHEAD_M), *AHEAD, *NEIGHBOUR * NEIGHBOURS)
+    return np.array([entry.scale for entry in entries])

@@ -112,10 +112,9 @@ class CameraSensor(Camera):
         for samples in conditions:
             samples += shared
         if "events" in self.config.outputs:
-            for samples, one in zip(
-                conditions, self._events(timeline, stamp_ns, weathers, draw), strict=True
-            ):
-                samples.append(one)
+            fired = self._events(timeline, stamp_ns, weathers, draw)
+            for samples, events in zip(conditions, fired, strict=True):
+                samples.append(events)
         return conditions
 
     def recall(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather]) -> Iterator[int]:
@@ -156,10 +155,9 @@ class CameraSensor(Camera):
 
     def _pose(self, snapshot: Snapshot) -> NDArray[np.float64]:
         # Written out without BLAS, so that the pose has the same bits on every machine.
-        result: NDArray[np.float64] = np.sum(
-            snapshot.T_world_base[:, :, None] * self._T_base_camera[None], axis=1
-        )
-        return result
+        terms = snapshot.T_world_base[:, :, None] * self._T_base_camera[None]
+        pose: NDArray[np.float64] = np.sum(terms, axis=1)
+        return pose
 
     def _draw(self, snapshot: Snapshot) -> Frame:
         renderer = self._world.renderer()
@@ -249,11 +247,7 @@ class CameraSensor(Camera):
         ]
 
     def _labels(self, output: str, stamp_ns: int) -> dict[str, Any]:
-        return {
-            "sensor": self._stream(output),
-            "frame_id": self.config.frame_id,
-            "stamp_ns": stamp_ns,
-        }
+        return {"sensor": self._stream(output), "frame_id": self.config.frame_id, "stamp_ns": stamp_ns}
 
     def _stream(self, output: str) -> str:
         return f"{output}_{self.config.name}"

@@ -4,7 +4,7 @@ Rebecq, Gehrig, Scaramuzza, "ESIM: an Open Event Camera Simulator", 2018: a pixe
 intensity of its last event, its reference, and fires when its signal has moved away from it by a
 threshold C. Between two pictures the signal is sampled along the true motion, so often that nothing
 moves by more than a pixel from one sample to the next (their adaptive sampling by displacement),
-and goes linearly in between, L(k − 1) to L(k). So an event comes at
+and changes linearly in between, L(k − 1) to L(k). So an event comes at
 
     t(k − 1) + (reference ± C − L(k − 1)) / (L(k) − L(k − 1)) · (t(k) − t(k − 1)).
 
@@ -26,13 +26,21 @@ from carlaloc_env.sensors.event_camera.motion_sampling import new_track, sample_
 from carlaloc_env.sensors.event_camera.pixels import NEVER_US, NoiseEvents, PixelState, Thresholds
 from carlaloc_env.sensors.event_camera.readout import by_time
 from carlaloc_env.sensors.event_camera.tile_ranges import tile_ranges
-from carlaloc_env.sensors.event_camera.tile_survey import CHUNK, Fields, Pictures, Tile, new_notes, survey
+from carlaloc_env.sensors.event_camera.tile_survey import (
+    CHUNK,
+    ONE,
+    ZERO,
+    Fields,
+    Pictures,
+    Tile,
+    new_notes,
+    survey,
+)
 from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
 from carlaloc_env.sensors.imaging.motion_field import TILE_PX
 
 ROOM = 16
 """Events per pixel that a band of rows has room for at first: unused room takes no memory."""
-_ONE, _ZERO = np.float32(1), np.float32(0)
 
 
 class PixelArrays(NamedTuple):
@@ -45,7 +53,7 @@ class PixelArrays(NamedTuple):
 
 
 class NoiseArrays(NamedTuple):
-    """Noise events in the order of their pixels; the next one of each row of pixels goes up as they come."""
+    """Noise events in the order of their pixels, and the next event of each row of pixels."""
 
     pixel: Any
     t_us: Any
@@ -136,10 +144,8 @@ def generate_events(
         room = ROOM * (end - first) * width
         while True:
             rows = slice(first, end)
-            span.pixels.reference[rows], span.pixels.last_us[rows] = (
-                state.reference[rows],
-                state.last_us[rows],
-            )
+            span.pixels.reference[rows] = state.reference[rows]
+            span.pixels.last_us[rows] = state.last_us[rows]
             span.noise.next_of_row[rows] = first_of_row[rows]
             t_us, code, count = np.empty(room, np.int32), np.empty(room, np.uint32), np.zeros(1, np.int64)
             levels = np.zeros(CHUNK + 1, np.float32)
@@ -182,9 +188,8 @@ def _fire_tile(span: Any, tile: Any, motion: Any, notes: Any, track: Any, levels
         for x in range(tile.x0, tile.x1 + 1):
             for k in range((motion.steps + CHUNK - 1) // CHUNK):
                 if _can_fire(span, y, x, notes.bounds[k, 0], notes.bounds[k, 1]):
-                    count = sample_signal(
-                        span.pictures, span.fields, tile, motion, notes, y, x, k, track, levels
-                    )
+                    pictures, fields = span.pictures, span.fields
+                    count = sample_signal(pictures, fields, tile, motion, notes, y, x, k, track, levels)
                     _fire_chunk(span, y, x, k * CHUNK, motion.steps, levels[: count + 1], events)
             _fire_noise(span, y, x, span.settings.span_us, events)
             pixels = span.pixels
@@ -203,7 +208,7 @@ def _can_fire(span: Any, y: int, x: int, low: Any, high: Any) -> bool:
 
 @inlined
 def _fire_chunk(span: Any, y: int, x: int, begin: int, steps: int, levels: Any, events: Any) -> None:
-    """Events of a pixel along the samples of a chunk, which goes on from sample `begin` of all `steps`."""
+    """Events of a pixel along the samples of a chunk, which continues from sample `begin` of all `steps`."""
     pixels = span.pixels
     on, off = pixels.on[y, x], pixels.off[y, x]
     upper, lower = pixels.reference[y, x] + on, pixels.reference[y, x] - off
@@ -218,15 +223,15 @@ def _fire_chunk(span: Any, y: int, x: int, begin: int, steps: int, levels: Any, 
 
 @inlined
 def _cross(span: Any, y: int, x: int, sample: int, steps: int, earlier: Any, level: Any, events: Any) -> None:
-    """Events of a pixel whose signal goes linearly from one level to another in a sample of all its steps."""
+    """Events of a pixel whose signal changes linearly between two levels in one of all its steps."""
     pixels, span_us = span.pixels, span.settings.span_us
     on, off, reference = pixels.on[y, x], pixels.off[y, x], pixels.reference[y, x]
     rise = level - earlier
     while level >= reference + on or level <= reference - off:
         positive = level >= reference + on
         reference = reference + on if positive else reference - off
-        part = (reference - earlier) / rise if rise != 0 else _ONE
-        part = min(max(part, _ZERO), _ONE)
+        part = (reference - earlier) / rise if rise != 0 else ONE
+        part = min(max(part, ZERO), ONE)
         t_us = math.ceil((np.float64(sample - 1) + part) * span_us / steps)
         t_us = min(max(t_us, 1), span_us)
         _fire_noise(span, y, x, t_us, events)

@@ -116,8 +116,7 @@ class EventChain:
 
         There are none at the first picture of a drive, nor at the oldest one that a timeline knows.
         """
-        begin, follow = self._steps(render)
-        return self._chain.at(timeline, stamp_ns, tuple(weathers), begin, follow).events
+        return self._chain.at(timeline, stamp_ns, tuple(weathers), *self._steps(render)).events
 
     def towards(
         self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], render: RenderFrame
@@ -126,11 +125,11 @@ class EventChain:
         return self._chain.towards(timeline, stamp_ns, tuple(weathers), *self._steps(render))
 
     def _steps(self, render: RenderFrame) -> tuple[Callable[[int], _Held], Callable[[_Held, int], _Held]]:
-        """What makes the state at a stamp without history, and that one period after another."""
+        """Functions that make a state without history, and the state one period after another."""
 
         def begin(at_ns: int) -> _Held:
             geometry, intensity = render(at_ns)
-            states = [self._camera.initial_state(one, at_ns) for one in intensity]
+            states = [self._camera.initial_state(seen, at_ns) for seen in intensity]
             none = [np.zeros(0, EVENT) for _ in intensity]
             return _Held(stamp_ns=at_ns, geometry=geometry, intensity=intensity, states=states, events=none)
 
@@ -141,12 +140,7 @@ class EventChain:
                 self._camera.generate(before, after, motion, state, (held.stamp_ns, at_ns))
                 for before, after, state in zip(held.intensity, intensity, held.states, strict=True)
             ]
-            return _Held(
-                stamp_ns=at_ns,
-                geometry=geometry,
-                intensity=intensity,
-                states=[one[1] for one in fired],
-                events=[one[0] for one in fired],
-            )
+            events, states = [fired_events for fired_events, _ in fired], [state for _, state in fired]
+            return _Held(stamp_ns=at_ns, geometry=geometry, intensity=intensity, states=states, events=events)
 
         return begin, follow

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from carlaloc_env.core.jit import compiled, inlined
-from carlaloc_env.sensors.event_camera.tile_survey import CHUNK, depth_of, is_nearer, own_places
+from carlaloc_env.sensors.event_camera.tile_survey import CHUNK, ONE, ZERO, depth_of, is_nearer, own_places
 from carlaloc_env.sensors.imaging.motion_field import SURFACE_RATIO, TILE_PX, bilinear, source_of
 from carlaloc_env.sensors.imaging.motion_warping import BOTH, FIRST, MISS_PX, SECOND, sources
 
@@ -21,7 +21,6 @@ BEND = np.float32(0.25)
 """Motion of one surface differs by less between the places that a pixel sees one sample apart [px]."""
 COVERS = np.float32(0.9)
 """What a surface hides at one moment is farther away by this ratio."""
-_ONE, _ZERO = np.float32(1), np.float32(0)
 
 
 class Track(NamedTuple):
@@ -93,16 +92,16 @@ def _sample_smooth(
     down = np.float32(y - tile.y0) / np.float32(max(tile.y1 - tile.y0, 1))
     ax, ay, bx, by = _place(notes.corners[k], along, down)
     ex, ey, fx, fy = _place(notes.corners[k + 1], along, down)
-    share, per_step = _ONE / np.float32(stop - begin), _ONE / np.float32(steps)
-    picture, offset, growth = pictures.before, _ZERO, _ZERO
+    share, per_step = ONE / np.float32(stop - begin), ONE / np.float32(steps)
+    picture, offset, growth = pictures.before, ZERO, ZERO
     if notes.seen_in[k] == BOTH and notes.seen_in[k + 1] == BOTH:
-        # The picture nearer in time is followed; by how much the blend differs from it goes linearly.
+        # The picture nearer in time is followed; its difference from the blend changes linearly.
         difference = bilinear(pictures.after, bx, by) - bilinear(pictures.before, ax, ay)
         later = bilinear(pictures.after, fx, fy) - bilinear(pictures.before, ex, ey)
         s0, s1 = np.float32(begin) * per_step, np.float32(stop) * per_step
         if begin + stop > steps:
             picture, ax, ay, ex, ey = pictures.after, bx, by, fx, fy
-            s0, s1 = s0 - _ONE, s1 - _ONE
+            s0, s1 = s0 - ONE, s1 - ONE
         offset, growth = s0 * difference, share * (s1 * later - s0 * difference)
     dx, dy = share * (ex - ax), share * (ey - ay)
     for j in range(np.uint32(stop - begin + 1)):
@@ -113,8 +112,8 @@ def _sample_smooth(
 @inlined
 def _place(corners: Any, along: Any, down: Any) -> Any:
     """Places in both pictures between those of a tile's corners."""
-    w0, w1 = (_ONE - along) * (_ONE - down), along * (_ONE - down)
-    w2, w3 = (_ONE - along) * down, along * down
+    w0, w1 = (ONE - along) * (ONE - down), along * (ONE - down)
+    w2, w3 = (ONE - along) * down, along * down
     return (
         w0 * corners[0, 0] + w1 * corners[1, 0] + w2 * corners[2, 0] + w3 * corners[3, 0],
         w0 * corners[0, 1] + w1 * corners[1, 1] + w2 * corners[2, 1] + w3 * corners[3, 1],
@@ -132,7 +131,7 @@ def _sample_by_search(
     Places are searched for at both ends, and by halves where it does not see the same surface all the time.
     """
     begin, stop = k * CHUNK, min(k * CHUNK + CHUNK, steps)
-    per_step = _ONE / np.float32(steps)
+    per_step = ONE / np.float32(steps)
     for j in (begin, stop):
         s = np.float32(j) * per_step
         _search(fields, y, x, s, own_places(fields, y, x, s), track, j - begin)
@@ -171,7 +170,7 @@ def _note(track: Any, j: int, places: Any, seen_in: int) -> None:
 
 @inlined
 def _between(first: Any, last: Any, share: Any) -> Any:
-    """Places between two others, at a share of the way."""
+    """Places between two others, at a share of the distance."""
     f = np.float32(share)
     return (
         first[0] + f * (last[0] - first[0]),
@@ -193,7 +192,7 @@ def _is_same_surface(track: Any, first: int, last: int) -> bool:
         return True
     a, b = track.places[first], track.places[last]
     du, dv = (b[2] - b[0]) - (a[2] - a[0]), (b[3] - b[1]) - (a[3] - a[1])
-    same: bool = max(abs(du), abs(dv)) <= _ONE + BEND * np.float32(last - first)
+    same: bool = max(abs(du), abs(dv)) <= ONE + BEND * np.float32(last - first)
     return same
 
 
@@ -224,7 +223,7 @@ def _cover(pictures: Any, fields: Any, y: int, x: int, steps: int, k: int, level
         return
     for j in range(begin, stop + 1):
         s = np.float32(j) / np.float32(steps)
-        tau = s * over[2] / ((_ONE - s) + s * over[2])
+        tau = s * over[2] / ((ONE - s) + s * over[2])
         ax, ay = u - tau * over[0], v - tau * over[1]
         if _shows(forward, ax, ay, over[3]):
             ax, ay, depth, miss = source_of(forward, u, v, s, ax, ay)

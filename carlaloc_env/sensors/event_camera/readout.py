@@ -69,7 +69,7 @@ def limit_rate(
     begin = np.cumsum(count) - count
     rank = np.arange(len(events)) - begin[slot]
     total = count[slot]
-    # Of n events in a slot those stay at which floor(rank · most / n) goes up.
+    # Of n events in a slot, those stay at which floor(rank · most / n) rises.
     kept = (total <= most) | ((rank + 1) * most // total > rank * most // total)
     result: NDArray[np.void] = events[kept]
     return result

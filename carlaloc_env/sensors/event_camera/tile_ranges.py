@@ -1,4 +1,4 @@
-"""The lowest and highest value of a picture in each of its tiles, which tell what a pixel can meet there."""
+"""The lowest and highest value of a picture in each of its tiles: limits of what a pixel can meet there."""
 
 from __future__ import annotations
 

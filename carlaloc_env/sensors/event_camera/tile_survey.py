@@ -25,7 +25,8 @@ SMOOTH_PX = np.float32(0.3)
 """Motion in a smooth tile differs by less from what its corners say [px]."""
 NEARER = np.float32(0.8)
 """What passes in front of something is nearer by this ratio."""
-_ONE, _ZERO, _FAR = np.float32(1), np.float32(0), np.float32(1e9)
+ONE, ZERO = np.float32(1), np.float32(0)
+_FAR = np.float32(1e9)
 
 
 class Pictures(NamedTuple):
@@ -114,7 +115,7 @@ def survey(pictures: Any, fields: Any, tile: Any, step_px: Any, notes: Any) -> A
 @inlined
 def is_nearer(over: Any, depth_m: Any) -> bool:
     """Whether the surface that passes over a tile comes in front of what is at a depth [m]."""
-    nearer: bool = over[3] > 0 and over[3] * min(_ONE, over[2]) < NEARER * depth_m
+    nearer: bool = over[3] > 0 and over[3] * min(ONE, over[2]) < NEARER * depth_m
     return nearer
 
 
@@ -122,13 +123,13 @@ def is_nearer(over: Any, depth_m: Any) -> bool:
 def depth_of(fields: Any, y: int, x: int) -> Any:
     """Least depth of what a pixel shows in either picture, on its way to the other [m]."""
     ahead, back = fields.forward[y, x], fields.backward[y, x]
-    return min(ahead[3] * min(_ONE, ahead[2]), back[3] * min(_ONE, back[2]))
+    return min(ahead[3] * min(ONE, ahead[2]), back[3] * min(ONE, back[2]))
 
 
 @inlined
 def _motion_range(fields: Any, tile: Any) -> Any:
     """Longest motion of a tile's pixels along one axis [px], and depth of the farthest [m]."""
-    longest, farthest = _ZERO, _ZERO
+    longest, farthest = ZERO, ZERO
     for y in range(np.uint32(tile.y0), np.uint32(tile.y1 + 1)):
         for x in range(np.uint32(tile.x0), np.uint32(tile.x1 + 1)):
             farthest = max(farthest, depth_of(fields, y, x))
@@ -141,7 +142,7 @@ def _motion_range(fields: Any, tile: Any) -> Any:
 def _is_plane(field: Any, tile: Any) -> bool:
     """Whether the motion of all pixels lies on the plane through that of the corners."""
     y0, x0, y1, x1 = tile
-    down, along = _ONE / np.float32(max(y1 - y0, 1)), _ONE / np.float32(max(x1 - x0, 1))
+    down, along = ONE / np.float32(max(y1 - y0, 1)), ONE / np.float32(max(x1 - x0, 1))
     for y in range(np.uint32(y0), np.uint32(y1 + 1)):
         g = down * (np.float32(y) - np.float32(y0))
         for part in (np.uint32(0), np.uint32(1)):
@@ -177,7 +178,7 @@ def _follow_corners(fields: Any, tile: Any, steps: int, notes: Any) -> bool:
 @inlined
 def own_places(fields: Any, y: int, x: int, s: Any) -> Any:
     """Places in both pictures, if all around moved as the pixel itself does: a guess."""
-    ahead, back, rest = fields.forward[y, x], fields.backward[y, x], _ONE - s
+    ahead, back, rest = fields.forward[y, x], fields.backward[y, x], ONE - s
     u, v = np.float32(x), np.float32(y)
     return u + s * back[0], v + s * back[1], u + rest * ahead[0], v + rest * ahead[1]
 
@@ -191,7 +192,7 @@ def _range_along(pictures: Any, tile: Any, k: int, is_last: bool, notes: Any) ->
         low, high = pictures.ranges_after[row, column, 0], pictures.ranges_after[row, column, 1]
     in_both = notes.seen_in[k] == BOTH and notes.seen_in[k + 1] == BOTH
     for part in range(2 if in_both else 1):
-        left, right, top, bottom = _FAR, _ZERO, _FAR, _ZERO
+        left, right, top, bottom = _FAR, ZERO, _FAR, ZERO
         for knot in (k, k + 1):
             for corner in range(4):
                 x, y = notes.corners[knot, corner, 2 * part], notes.corners[knot, corner, 2 * part + 1]

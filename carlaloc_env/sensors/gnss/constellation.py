@@ -48,14 +48,9 @@ class WalkerConstellation:
         node = turn * plane / self.planes - EARTH_RATE_RADPS * time_s
         tilt = math.radians(self.inclination_deg)
         x, y = elementary.cos(along), elementary.sin(along) * elementary.cos(tilt)
-        return self.radius_m * np.stack(
-            [
-                x * elementary.cos(node) - y * elementary.sin(node),
-                x * elementary.sin(node) + y * elementary.cos(node),
-                elementary.sin(along) * elementary.sin(tilt),
-            ],
-            axis=-1,
-        )
+        c, s = elementary.cos(node), elementary.sin(node)
+        up = elementary.sin(along) * elementary.sin(tilt)
+        return self.radius_m * np.stack([x * c - y * s, x * s + y * c, up], axis=-1)
 
 
 CONSTELLATIONS = {

@@ -94,15 +94,8 @@ class GnssConfig(SensorConfig):
         for name in self.constellations:
             if name not in CONSTELLATIONS:
                 raise ConfigError(f"{what}: {unknown_name('constellation', name, CONSTELLATIONS)}")
-        figures = (
-            self.code_noise_m,
-            self.phase_noise_m,
-            self.float_m,
-            self.slow_s,
-            self.multipath_s,
-            self.pdop_max,
-        )
-        if not all(math.isfinite(v) and v > 0 for v in figures):
+        noises, times = (self.code_noise_m, self.phase_noise_m, self.float_m), (self.slow_s, self.multipath_s)
+        if not all(math.isfinite(v) and v > 0 for v in (*noises, *times, self.pdop_max)):
             raise ConfigError(
                 f"{what}: code, phase and float noise, correlation times and pdop_max must be above 0"
             )
@@ -197,7 +190,7 @@ class GnssSensor(Sensor):
         directions, factor, hidden = self.sky(timeline, stamp_ns, position_m)
         used = np.flatnonzero(np.isfinite(factor))
         solution = self._solution(len(used), hidden)
-        if solution == "none":
+        if solution == "none" or dilution(directions[used]) > config.pdop_max:
             return self._fix(stamp_ns, np.full(3, np.nan), np.zeros((3, 3)), "none", len(used))
         number = np.array([stamp_ns // (self.schedule.period_ticks * TICK_NS)])
         noise = white(self._seed, f"{config.name}/code", stamp_ns, len(factor))[used]
@@ -218,8 +211,6 @@ class GnssSensor(Sensor):
             parts = ((config.phase_noise_m * weak, noise), (0.25 * config.phase_noise_m * grown * weak, echo))
         error = sum((sigma * unit for sigma, unit in parts), np.zeros(len(used)))
         variance = sum((sigma * sigma for sigma, _ in parts), np.zeros(len(used)))
-        if dilution(directions[used]) > config.pdop_max:
-            return self._fix(stamp_ns, np.full(3, np.nan), np.zeros((3, 3)), "none", len(used))
         off, covariance = least_squares(directions[used], np.sqrt(variance), error)
         return self._fix(stamp_ns, position_m + off, covariance, solution, len(used))
 

@@ -91,14 +91,8 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> ActorBoxes:
             for values in (frame.position_m, frame.heading_rad, frame.pitch_rad, frame.roll_rad)
         )
         level = frame.speed_mps * elementary.cos(pitch)
-        velocity = np.stack(
-            [
-                level * elementary.cos(heading),
-                level * elementary.sin(heading),
-                frame.speed_mps * elementary.sin(pitch),
-            ],
-            axis=-1,
-        )
+        east, north = level * elementary.cos(heading), level * elementary.sin(heading)
+        velocity = np.stack([east, north, frame.speed_mps * elementary.sin(pitch)], axis=-1)
         rate = np.zeros(count)
     else:
         begin = (stamp_ns - 1) // STEP_NS * STEP_NS

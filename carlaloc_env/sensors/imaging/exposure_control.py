@@ -85,9 +85,8 @@ class Imaging:
         """
         found = []
         config = self._imager.config
-        for weather, product_s in zip(
-            weathers, self._products_s(timeline, stamp_ns, weathers, draw), strict=True
-        ):
+        metered = self._chain.at(timeline, stamp_ns, tuple(weathers), *self._steps(weathers, draw))
+        for weather, product_s in zip(weathers, metered.products_s, strict=True):
             now, exposure_s = weather.at(stamp_ns), config.split(product_s)[0]
             if swept is None or self._shutter is None:
                 light = draw(stamp_ns)[0].imaged_cd_m2(now)
@@ -115,17 +114,8 @@ class Imaging:
         if begin_ns >= end_ns:
             return None
         first, second = draw(begin_ns), draw(end_ns)
-        glances = [
-            FrameGeometry(poses=poses, depth_m=frame.depth_m, instance=frame.labels[1])
-            for frame, poses in (first, second)
-        ]
-        return Swept(
-            begin_ns=begin_ns,
-            end_ns=end_ns,
-            first=first[0],
-            second=second[0],
-            motion=motion_between(self._optics, *glances),
-        )
+        motion = motion_between(self._optics, FrameGeometry.of(*first), FrameGeometry.of(*second))
+        return Swept(begin_ns=begin_ns, end_ns=end_ns, first=first[0], second=second[0], motion=motion)
 
     def rolled(
         self, stamp_ns: int, swept: Swept | None
@@ -135,14 +125,12 @@ class Imaging:
             return None
         shares = swept.shares(self._shutter.rows_ns(stamp_ns, 0.0, self._shape[0]))
         s = np.clip(shares.mean(axis=1), 0.0, 1.0).astype(np.float32)[:, None]
-        ends = (
-            swept.first.depth_m * (1 - s + s * swept.motion.forward[..., 2]),
-            swept.second.depth_m * (s + (1 - s) * swept.motion.backward[..., 2]),
-        )
+        first_m = swept.first.depth_m * (1 - s + s * swept.motion.forward[..., 2])
+        second_m = swept.second.depth_m * (s + (1 - s) * swept.motion.backward[..., 2])
         (tag_0, instance_0), (tag_1, instance_1) = swept.first.labels, swept.second.labels
         tag = picked(tag_0, tag_1, swept.motion, shares)
         instance = picked(instance_0, instance_1, swept.motion, shares)
-        return picked(*ends, swept.motion, shares), tag, instance
+        return picked(first_m, second_m, swept.motion, shares), tag, instance
 
     def towards(
         self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], draw: Draw
@@ -150,16 +138,10 @@ class Imaging:
         """Stamps of the pictures that are missing up to one, see `Chain.towards`."""
         return self._chain.towards(timeline, stamp_ns, tuple(weathers), *self._steps(weathers, draw))
 
-    def _products_s(
-        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], draw: Draw
-    ) -> list[float]:
-        begin, follow = self._steps(weathers, draw)
-        return self._chain.at(timeline, stamp_ns, tuple(weathers), begin, follow).products_s
-
     def _steps(
         self, weathers: Sequence[Weather], draw: Draw
     ) -> tuple[Callable[[int], _Metered], Callable[[_Metered, int], _Metered]]:
-        """What makes the state at a stamp without history, and that one period after another."""
+        """Functions that make a state without history, and the state one period after another."""
         config = self._imager.config
 
         def levels(at_ns: int) -> list[float]:
@@ -168,9 +150,8 @@ class Imaging:
 
         def begin(at_ns: int) -> _Metered:
             seen = levels(at_ns)
-            return _Metered(
-                stamp_ns=at_ns, products_s=[config.settled(one) for one in seen], levels_cd_m2=seen
-            )
+            settled = [config.settled(level) for level in seen]
+            return _Metered(stamp_ns=at_ns, products_s=settled, levels_cd_m2=seen)
 
         def follow(held: _Metered, at_ns: int) -> _Metered:
             if held.stamp_ns // self._restart_ns < at_ns // self._restart_ns:

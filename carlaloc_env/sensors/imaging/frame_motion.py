@@ -54,18 +54,11 @@ def motion_between(optics: Optics, before: FrameGeometry, after: FrameGeometry) 
     """How everything moves between two pictures of a camera."""
 
     def field(now: FrameGeometry, then: FrameGeometry) -> F32:
-        return motion_field(
-            optics.pinhole,
-            now.depth_m,
-            now.instance,
-            now.poses,
-            then.poses,
-            lens=optics.lens,
-            rays=optics.rays,
-        )
+        seen = now.depth_m, now.instance, now.poses
+        return motion_field(optics.pinhole, *seen, then.poses, lens=optics.lens, rays=optics.rays)
 
     forward = field(before, after)
-    # Side by side, since not all that the one does can be shared among threads.
+    # In parallel, since neither job can share all of its work among threads.
     jobs = (lambda: passing_surfaces(forward), lambda: field(after, before))
     passing, backward = over_bands(lambda job, _: jobs[job](), len(jobs), 1)
     return FrameMotion(forward=forward, backward=backward, passing=passing)

@@ -56,9 +56,8 @@ class ImagerConfig:
         if not 0 < self.exposure_min_ms <= self.exposure_max_ms:
             raise ConfigError("imager: exposure_min_ms must be above zero and not above exposure_max_ms")
         if not 0 < self.target < 1 or not 8 <= self.adc_bits <= 16 or not 0 <= self.vignetting < 1:
-            raise ConfigError(
-                "imager: target must lie between 0 and 1, adc_bits from 8 to 16, vignetting from 0 to 1"
-            )
+            ranges = "target must lie between 0 and 1, adc_bits from 8 to 16, vignetting from 0 to 1"
+            raise ConfigError(f"imager: {ranges}")
         positive = (self.reaction_s, self.electrons_per_cd_m2_s, self.full_well_e, self.gamma, self.restart_s)
         noises = (self.gain_max_db, self.read_noise_e, self.dark_signal_e, self.response)
         if min(positive) <= 0 or min(noises) < 0:
@@ -103,7 +102,7 @@ class Imager:
         self._curve = np.array([round(value) for value in curve], np.uint8)
 
     def level_cd_m2(self, radiance_cd_m2: F32) -> float:
-        """What the exposure control goes by: mean luminance of every eighth pixel [cd/m²]."""
+        """Input of the exposure control: mean luminance of every eighth pixel [cd/m²]."""
         some = radiance_cd_m2[::8, ::8].astype(np.float64)
         luminance = 0.2126 * some[..., 0] + 0.7152 * some[..., 1] + 0.0722 * some[..., 2]
         return float(luminance.mean())

@@ -22,7 +22,7 @@ def with_lens_drops(
 ) -> NDArray[np.uint8]:
     """The picture as seen through drops that cling to the lens and slide down.
 
-    A drop is a small lens of its own: it shows the scene upside down and smaller. Where the drops are
+    A drop is a small lens: it shows the scene upside down and smaller. Where the drops are
     follows from seed, camera and time alone, so both eyes differ and any picture can be made alone.
 
     Args:

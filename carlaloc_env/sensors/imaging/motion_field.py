@@ -103,12 +103,8 @@ def motion_field(
     numbers = np.array([pinhole.fx_px, pinhole.fy_px, pinhole.cx_px, pinhole.cy_px, *k])
     optics = (MODELS.index(lens.model) if lens is not None and rays is not None else 0, numbers)
     rays = np.zeros((1, 1, 2)) if rays is None else rays
-    over_bands(
-        lambda first, end: _fill_field(
-            depth_m, instance, optics, rays, maps, now.actor_id, field, first, end
-        ),
-        len(depth_m),
-    )
+    given = depth_m, instance, optics, rays, maps, now.actor_id, field
+    over_bands(lambda first, end: _fill_field(*given, first, end), len(depth_m))
     return field
 
 
@@ -138,7 +134,7 @@ def _fill_field(
     for y in range(first, end):
         x = 0
         while x < depth.shape[1]:
-            # As far as one thing goes its row of the maps holds.
+            # All pixels of one thing, side by side in a row, share a row of the maps.
             identity, until, row = instance[y, x], x + 1, 0
             while until < depth.shape[1] and instance[y, until] == identity:
                 until += 1
@@ -163,7 +159,7 @@ def _fill_straight(depth: Any, lens: Any, M: Any, field: Any, y: int, begin: int
     m10, m11, m12, m13 = M[1, 0], M[1, 1], M[1, 2], M[1, 3]
     m20, m21, m22, m23 = M[2, 0], M[2, 1], M[2, 2], M[2, 3]
     b = (y - cy) / fy
-    # Unsigned numbers spare the check for an index counted from the end, so that this goes side by side.
+    # Unsigned numbers spare the check for an index counted from the end, so that this loop is vectorised.
     for x in range(np.uint32(begin), np.uint32(end)):
         z = np.float64(depth[x])
         u = np.float64(x)

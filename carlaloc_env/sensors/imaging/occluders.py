@@ -71,7 +71,5 @@ def _fill_passing(field: Any, found: Any, best: Any) -> None:
                     for p in range(max(p0, 0), min(p1 + 1, columns)):
                         if near < best[q, p]:
                             best[q, p] = near
-                            found[q, p, 0] = du
-                            found[q, p, 1] = dv
-                            found[q, p, 2] = ratio
-                            found[q, p, 3] = depth
+                            found[q, p, 0], found[q, p, 1] = du, dv
+                            found[q, p, 2], found[q, p, 3] = ratio, depth

@@ -1,6 +1,6 @@
 """Motion blur and rolling shutter: pixels between two drawn pictures, along the true motion.
 
-A row begins and ends its exposure at times of its own; the light of a pixel is the mean over them.
+Each row has its own times of exposure; the light of a pixel is the mean over them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.core.jit import compiled, over_bands
+from carlaloc_env.core.jit import compiled, inlined, over_bands
 from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
 from carlaloc_env.sensors.imaging.motion_warping import BOTH, FIRST, NOWHERE, SECOND, sources
 
@@ -31,10 +31,8 @@ def exposed(before: F32, after: F32, motion: FrameMotion, shares: NDArray[np.flo
     """
     out = np.empty_like(before)
     rows = np.clip(shares, 0.0, 1.0).astype(np.float32)
-    over_bands(
-        lambda first, end: _expose(before, after, motion.forward, motion.backward, rows, out, first, end),
-        len(before),
-    )
+    given = before, after, motion.forward, motion.backward, rows, out
+    over_bands(lambda first, end: _expose(*given, first, end), len(before))
     return out
 
 
@@ -44,10 +42,8 @@ def picked(
     """Value of the nearest pixel at the middle of every row's time, never between two; shape (H, W)."""
     out = np.empty_like(before)
     rows = np.clip(shares.mean(axis=1), 0.0, 1.0).astype(np.float32)
-    over_bands(
-        lambda first, end: _pick(before, after, motion.forward, motion.backward, rows, out, first, end),
-        len(before),
-    )
+    given = before, after, motion.forward, motion.backward, rows, out
+    over_bands(lambda first, end: _pick(*given, first, end), len(before))
     return out
 
 
@@ -59,7 +55,6 @@ def _expose(
     for y in range(first, end):
         s0, s1 = rows[y, 0], rows[y, 1]
         for x in range(before.shape[1]):
-            u, v = np.float32(x), np.float32(y)
             length = max(
                 max(abs(forward[y, x, 0]), abs(forward[y, x, 1])),
                 max(abs(backward[y, x, 0]), abs(backward[y, x, 1])),
@@ -70,27 +65,14 @@ def _expose(
                 out[y, x, channel] = np.float32(0)
             for j in range(count):
                 s = s0 + (s1 - s0) * share * (np.float32(j) + np.float32(0.5))
-                rest = one - s
-                ax, ay, bx, by, kind = sources(
-                    forward,
-                    backward,
-                    u,
-                    v,
-                    s,
-                    u + s * backward[y, x, 0],
-                    v + s * backward[y, x, 1],
-                    u + rest * forward[y, x, 0],
-                    v + rest * forward[y, x, 1],
-                )
-                if kind == NOWHERE:
-                    ax, ay, bx, by, kind = u, v, u, v, BOTH
+                ax, ay, bx, by, kind = _seen_at(forward, backward, y, x, s)
                 weight = one - s if kind == BOTH else one if kind == FIRST else np.float32(0)
                 for channel in range(before.shape[2]):
                     value = np.float32(0)
                     if kind != SECOND:
-                        value += weight * _between(before, ax, ay, channel)
+                        value += weight * _channel_between(before, ax, ay, channel)
                     if kind != FIRST:
-                        value += (one - weight) * _between(after, bx, by, channel)
+                        value += (one - weight) * _channel_between(after, bx, by, channel)
                     out[y, x, channel] += share * value
 
 
@@ -101,30 +83,28 @@ def _pick(
     half = np.float32(0.5)
     for y in range(first, end):
         s = rows[y]
-        rest = np.float32(1) - s
         for x in range(before.shape[1]):
-            u, v = np.float32(x), np.float32(y)
-            ax, ay, bx, by, kind = sources(
-                forward,
-                backward,
-                u,
-                v,
-                s,
-                u + s * backward[y, x, 0],
-                v + s * backward[y, x, 1],
-                u + rest * forward[y, x, 0],
-                v + rest * forward[y, x, 1],
-            )
-            if kind == NOWHERE:
-                ax, ay, bx, by, kind = u, v, u, v, BOTH
+            ax, ay, bx, by, kind = _seen_at(forward, backward, y, x, s)
             if kind == FIRST or (kind == BOTH and s < half):
                 out[y, x] = before[int(ay + half), int(ax + half)]
             else:
                 out[y, x] = after[int(by + half), int(bx + half)]
 
 
+@inlined
+def _seen_at(forward: Any, backward: Any, y: int, x: int, s: Any) -> Any:
+    """Where both pictures show what a pixel sees at time s, and which does; itself where neither does."""
+    u, v, rest = np.float32(x), np.float32(y), np.float32(1) - s
+    ax, ay = u + s * backward[y, x, 0], v + s * backward[y, x, 1]
+    bx, by = u + rest * forward[y, x, 0], v + rest * forward[y, x, 1]
+    ax, ay, bx, by, kind = sources(forward, backward, u, v, s, ax, ay, bx, by)
+    if kind == NOWHERE:
+        ax, ay, bx, by, kind = u, v, u, v, BOTH
+    return ax, ay, bx, by, kind
+
+
 @compiled
-def _between(image: Any, x: Any, y: Any, channel: int) -> Any:
+def _channel_between(image: Any, x: Any, y: Any, channel: int) -> Any:
     """Value of one channel of a picture (H, W, C) between pixels."""
     i = min(np.uint32(x), np.uint32(image.shape[1] - 2))
     j = min(np.uint32(y), np.uint32(image.shape[0] - 2))

@@ -1,7 +1,7 @@
 """Memory of sensors that are asked for any stamp in any order.
 
-What such a sensor remembers begins anew at fixed times of the drive. Asked for the stamp after the
-last one it goes on from there; asked for any other it first goes over the drive from the last such
+What such a sensor remembers begins anew at fixed times of the drive. For the stamp after the
+last one the sensor continues from there; for any other it first goes over the drive from the last such
 beginning. So the state at a stamp depends on the drive alone, not on what was asked before.
 """
 
@@ -58,7 +58,7 @@ class Chain(Generic[S]):
             key: What else the state depends on, e.g. the weathers.
             begin: Makes the state at a stamp without history.
             follow: Makes the state at a stamp from that one period before; at a multiple of the
-                restart it forgets on its own.
+                restart it must forget by itself.
         """
         for _ in self.towards(timeline, stamp_ns, key, begin, follow):
             pass
@@ -76,7 +76,7 @@ class Chain(Generic[S]):
     ) -> Iterator[int]:
         """Stamps of the states that are missing up to one [ns]; each is made when the next is asked for.
 
-        Takes the arguments of `at`, which goes on from the last one that was made.
+        Takes the arguments of `at`, which continues from the last state that was made.
         """
         if self._kept(timeline, stamp_ns, key) is not None:
             return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +20,15 @@ def white(seed: int, name: str, stamp_ns: int, count: int) -> Array:
     return rng.stream(seed, name, stamp_ns).standard_normal(count)
 
 
-class WhiteSequence:
-    """Standard normal rows of a fast sensor by sample number, drawn in blocks.
+class _Blocks(ABC):
+    """Rows of numbers by sample number, made in blocks; any number in any order."""
 
-    Row n depends on (seed, name, n) alone; blocks only save the making of generators.
-    """
+    def __init__(self, width: int) -> None:
+        self._width = width
 
-    def __init__(self, seed: int, name: str, width: int) -> None:
-        self._seed, self._name, self._width = seed, name, width
-        self._held: dict[int, Array] = {}
+    @abstractmethod
+    def block(self, block: int) -> Array:
+        """All rows of a block, shape (at least block length, width)."""
 
     def rows(self, numbers: NDArray[np.int64]) -> Array:
         """Rows of the given sample numbers (M,), shape (M, width)."""
@@ -37,6 +38,18 @@ class WhiteSequence:
             mine = blocks == block
             out[mine] = self.block(int(block))[numbers[mine] - block * _BLOCK]
         return out
+
+
+class WhiteSequence(_Blocks):
+    """Standard normal rows of a fast sensor by sample number, drawn in blocks.
+
+    Row n depends on (seed, name, n) alone; blocks only save the making of generators.
+    """
+
+    def __init__(self, seed: int, name: str, width: int) -> None:
+        super().__init__(width)
+        self._seed, self._name = seed, name
+        self._held: dict[int, Array] = {}
 
     def block(self, block: int) -> Array:
         """All rows of one block, shape (block length, width)."""
@@ -48,59 +61,50 @@ class WhiteSequence:
         return self._held[block]
 
 
-class RandomWalk:
-    """Running sum of unit steps by sample number, zero at sample 0; any number in any order.
+class RandomWalk(_Blocks):
+    """Running sum of unit steps by sample number, zero at sample 0.
 
     The sum at n is the sum of all earlier blocks' totals, always added in the same order, plus the
-    part of n's own block, so that a jump to n gives the same bytes as walking there.
+    part of n's block before it, so that a jump to n gives the same bytes as walking there.
     """
 
     def __init__(self, seed: int, name: str, width: int) -> None:
+        super().__init__(width)
         self._steps = WhiteSequence(seed, name, width)
         self._before = [np.zeros(width)]
-        self._width = width
 
-    def rows(self, numbers: NDArray[np.int64]) -> Array:
-        """Values at the given sample numbers (M,), shape (M, width)."""
-        out = np.empty((len(numbers), self._width))
-        blocks = numbers // _BLOCK
-        for block in np.unique(blocks):
-            while len(self._before) <= block:
-                self._before.append(self._before[-1] + self._partial(len(self._before) - 1)[-1])
-            mine = blocks == block
-            partial = np.concatenate([np.zeros((1, self._width)), self._partial(int(block))])
-            out[mine] = self._before[block] + partial[numbers[mine] - block * _BLOCK]
-        return out
+    def block(self, block: int) -> Array:
+        """Values at a block's samples and at the one after, shape (block length + 1, width)."""
+        while len(self._before) <= block:
+            self._before.append(self._before[-1] + self._partial(len(self._before) - 1)[-1])
+        partial = np.concatenate([np.zeros((1, self._width)), self._partial(block)])
+        values: Array = self._before[block] + partial
+        return values
 
     def _partial(self, block: int) -> Array:
         result: Array = np.cumsum(self._steps.block(block), axis=0)
         return result
 
 
-class GaussMarkov:
-    """First-order Gauss–Markov processes of unit variance by sample number; any number in any order.
+class GaussMarkov(_Blocks):
+    """First-order Gauss–Markov processes of unit variance by sample number.
 
     x[n] = φ·x[n−1] + √(1 − φ²)·w[n] with φ = exp(−Δt/τ) keeps its variance from the first sample on.
     Ends of blocks are chained in their order, so that a jump to n gives the same bytes as walking there.
     """
 
     def __init__(self, seed: int, name: str, width: int, *, period_s: float, time_constant_s: float) -> None:
+        super().__init__(width)
         self._steps = WhiteSequence(seed, name, width)
         self._phi = float(elementary.exp(-period_s / time_constant_s))
         self._gain = math.sqrt(1.0 - self._phi * self._phi)
         self._ends = [rng.stream(seed, f"{name}/start").standard_normal(width)]
-        self._width = width
 
-    def rows(self, numbers: NDArray[np.int64]) -> Array:
-        """Values at the given sample numbers (M,), shape (M, width)."""
-        out = np.empty((len(numbers), self._width))
-        blocks = numbers // _BLOCK
-        for block in np.unique(blocks):
-            while len(self._ends) <= block:
-                self._ends.append(self._walk(len(self._ends) - 1)[-1])
-            mine = blocks == block
-            out[mine] = self._walk(int(block))[numbers[mine] - block * _BLOCK]
-        return out
+    def block(self, block: int) -> Array:
+        """Values at a block's samples, shape (block length, width)."""
+        while len(self._ends) <= block:
+            self._ends.append(self._walk(len(self._ends) - 1)[-1])
+        return self._walk(block)
 
     def _walk(self, block: int) -> Array:
         drive = self._gain * self._steps.block(block)

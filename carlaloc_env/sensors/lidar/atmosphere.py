@@ -59,9 +59,8 @@ class Atmosphere:
 
 def atmosphere_at(weather: WeatherParameters, height_m: float) -> Atmosphere:
     """Atmosphere of a weather at a height above the ground [m]; fog thins upwards as for the camera."""
-    fog = weather.fog_extinction_per_m * float(
-        elementary.exp(-max(height_m, 0.0) / weather.fog_scale_height_m)
-    )
+    thinned = float(elementary.exp(-max(height_m, 0.0) / weather.fog_scale_height_m))
+    fog = weather.fog_extinction_per_m * thinned
     rain = rain_extinction_per_m(weather.rain_mmph)
     total = fog + weather.uniform_extinction_per_m
     haze = max(total - rain, 0.0)
@@ -139,13 +138,11 @@ class DropEcho:
         radius = r * elementary.tan(0.5 * divergence_rad)
         volume = math.pi * radius * radius * (r[1] - r[0])
         fade = WATER_REFLECTANCE * elementary.exp(-2 * air.extinction_per_m * r) / r**2
-        self.power = elementary.exp(
-            np.linspace(elementary.log(0.02 * power_min), elementary.log(fade.max()), 240)
-        )
+        weakest, strongest = elementary.log(0.02 * power_min), elementary.log(fade.max())
+        self.power = elementary.exp(np.linspace(weakest, strongest, 240))
         least = 2 * radius * np.sqrt(np.minimum(self.power[:, None] / fade, 1.0))
-        many = (
-            DROP_DENSITY_PER_M4 / slope_per_m * elementary.exp(-slope_per_m * np.maximum(least, DROP_MIN_M))
-        )
+        larger = elementary.exp(-slope_per_m * np.maximum(least, DROP_MIN_M))
+        many = DROP_DENSITY_PER_M4 / slope_per_m * larger
         many = np.where(self.power[:, None] <= fade, many, 0.0) * volume
         self.expected = np.sum(many, axis=1)
         """Mean number of drops in a beam with a stronger echo than each of `power`."""

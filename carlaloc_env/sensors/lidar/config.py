@@ -102,9 +102,8 @@ class LidarConfig(SensorConfig):
             raise ConfigError(f"{what}: list elevations_deg from the lowest to the highest")
         if self.firing_ns and len(self.firing_ns) != len(self.elevations_deg):
             raise ConfigError(f"{what}: {len(self.firing_ns)} firing_ns for {len(self.elevations_deg)} beams")
-        if self.firing_ns and not 0 <= min(self.firing_ns) <= max(self.firing_ns) < 1e9 / (
-            self.rate_hz * max(self.columns, 1)
-        ):
+        column_ns = 1e9 / (self.rate_hz * max(self.columns, 1))
+        if self.firing_ns and not 0 <= min(self.firing_ns) <= max(self.firing_ns) < column_ns:
             raise ConfigError(f"{what}: firing_ns must lie within one column")
         if self.columns < 1 or not 0 <= self.range_min_m < self.range_max_m or self.range_noise_m < 0:
             raise ConfigError(f"{what}: needs columns ≥ 1, 0 ≤ range_min_m < range_max_m, range_noise_m ≥ 0")

@@ -29,16 +29,8 @@ class EchoModel:
 
     def strength(self, hits: Hits) -> F32:
         """Return strength 0–255: diffuse surfaces up to 100, retro-reflectors above (Velodyne's scale)."""
-        strength = np.empty(len(hits), np.float32)
-        strengths(
-            hits.range_m,
-            hits.material,
-            hits.cos_incidence,
-            self._reflectance,
-            self._retro,
-            self._config.attenuation_per_m,
-            strength,
-        )
+        strength, seen = np.empty(len(hits), np.float32), (hits.range_m, hits.material, hits.cos_incidence)
+        strengths(*seen, self._reflectance, self._retro, self._config.attenuation_per_m, strength)
         return strength
 
     def power(self, hits: Hits) -> Array:
@@ -59,10 +51,9 @@ class EchoModel:
         slope = config.dropoff_zero_intensity / config.dropoff_intensity_limit
         likely = slope * intensity + 1.0 - config.dropoff_zero_intensity
         strong = intensity > config.dropoff_intensity_limit
-        result: NDArray[np.bool_] = (uniform[:, 0] >= config.dropoff_general) & (
-            strong | (uniform[:, 1] < likely)
-        )
-        return result
+        survives: NDArray[np.bool_] = strong | (uniform[:, 1] < likely)
+        survives &= uniform[:, 0] >= config.dropoff_general
+        return survives
 
     def in_weather(
         self, hits: Hits, air: Atmosphere, spray_m: Array | None, uniform: Array

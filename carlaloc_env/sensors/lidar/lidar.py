@@ -21,10 +21,7 @@ from carlaloc_env.scene.semantic_tags import tags_in
 from carlaloc_env.sensors.base import Sensor, World
 from carlaloc_env.sensors.inertial.stochastic_processes import white
 from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at
-from carlaloc_env.sensors.lidar.config import (
-    OUTPUTS,
-    LidarConfig,
-)
+from carlaloc_env.sensors.lidar.config import OUTPUTS, LidarConfig
 from carlaloc_env.sensors.lidar.intensity import EchoModel
 from carlaloc_env.sensors.lidar.kernels import ScanHits, empty_points, points_of
 from carlaloc_env.sensors.lidar.road_spray import spray_ranges
@@ -56,27 +53,22 @@ class LidarSensor(Sensor):
         limit = self.config.range_max_m + 10 * self.config.range_noise_m + 1.0
         low, high = [-limit] * 3, [limit] * 3
         rows = {
-            "cloud": (np.array([*low, 0.0], np.float32), np.array([*high, 255.0], np.float32)),
-            "semantic": (
-                np.array([*low, 0.0, 0.0, 0.0], np.float32),
-                np.array([*high, 1.0, 2.0**32, 255.0], np.float32),
-            ),
+            "cloud": ([*low, 0.0], [*high, 255.0]),
+            "semantic": ([*low, 0.0, 0.0, 0.0], [*high, 1.0, 2.0**32, 255.0]),
         }
         shape = (self.config.rays, 1)
-        return {
-            stream: spaces.Box(np.tile(rows[output][0], shape), np.tile(rows[output][1], shape))
-            for output, stream in self._stream_names().items()
-        }
+        found: dict[str, spaces.Space[Any]] = {}
+        for output, stream in self._stream_names().items():
+            lowest, highest = (np.tile(np.array(row, np.float32), shape) for row in rows[output])
+            found[stream] = spaces.Box(lowest, highest)
+        return found
 
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
         """The clouds of the sweeps that begin at the given stamps [ns]."""
-        return [
-            cloud
-            for stamp in stamps_ns
-            for cloud in self.measure_conditions(timeline, int(stamp), [self._world.weather.at(int(stamp))])[
-                0
-            ]
-        ]
+        clouds: list[Sample] = []
+        for stamp in map(int, stamps_ns):
+            clouds += self.measure_conditions(timeline, stamp, [self._world.weather.at(stamp)])[0]
+        return clouds
 
     def measure_conditions(
         self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]
@@ -92,10 +84,8 @@ class LidarSensor(Sensor):
         if not config.weather:
             clouds = self._clouds(stamp_ns, noise, rays, hits, strength)
             return [clouds for _ in weathers]
-        return [
-            self._clouds(stamp_ns, noise, *self._in_weather(timeline, stamp_ns, rays, hits, w))
-            for w in weathers
-        ]
+        seen = (self._in_weather(timeline, stamp_ns, rays, hits, weather) for weather in weathers)
+        return [self._clouds(stamp_ns, noise, *found) for found in seen]
 
     def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[Index, Hits, F32]:
         """Rays of a sweep, their hits and how strong those are in clear air.
@@ -105,7 +95,7 @@ class LidarSensor(Sensor):
         last = self._last_cast
         if last is None or last[0] is not timeline or last[1] != stamp_ns:
             rays, hits = self._pattern.cast(timeline, stamp_ns, self._echoes.power)
-            # In weather every echo has a strength of its own.
+            # In weather, strengths are worked out together with the echoes.
             strength = np.empty(0, np.float32) if self.config.weather else self._echoes.strength(hits)
             last = self._last_cast = timeline, stamp_ns, (rays, hits, strength)
         return last[2]
@@ -163,8 +153,8 @@ class LidarSensor(Sensor):
         """Rays, what they return under a weather, and how strongly."""
         config = self.config
         air = atmosphere_at(weather, float(config.mount.T_base_sensor[2, 3]))
-        uniform = 1.0 - rng.stream(self._world.seed, f"{config.name}/air", stamp_ns).random((config.rays, 6))
-        uniform = uniform[rays]
+        drawn = rng.stream(self._world.seed, f"{config.name}/air", stamp_ns).random((config.rays, 6))
+        uniform = (1.0 - drawn)[rays]
         spray = None
         if air.wetness > 0 and len(timeline.catalog):
             aimed = self._pattern.aimed(timeline, stamp_ns, rays)

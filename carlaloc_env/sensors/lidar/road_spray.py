@@ -53,29 +53,17 @@ def spray_ranges(
         return caught
     boxes, density = boxes.take(wet), density[wet]
     length = np.minimum(_LIFETIME_S * speed[wet], 14.0)
-    half = np.stack(
-        [0.5 * length, 0.5 * boxes.size_m[:, 1] + 0.3, np.full(len(wet), 0.5 * _HEIGHT_M)], axis=-1
-    )
-    local = np.stack(
-        [
-            -0.5 * boxes.size_m[:, 0] - half[:, 0],
-            np.zeros(len(wet)),
-            half[:, 2] - 0.5 * boxes.size_m[:, 2],
-        ],
-        axis=-1,
-    )
+    half_width, half_height = 0.5 * boxes.size_m[:, 1] + 0.3, np.full(len(wet), 0.5 * _HEIGHT_M)
+    half = np.stack([0.5 * length, half_width, half_height], axis=-1)
+    back, up = -0.5 * boxes.size_m[:, 0] - half[:, 0], half[:, 2] - 0.5 * boxes.size_m[:, 2]
+    local = np.stack([back, np.zeros(len(wet)), up], axis=-1)
     centre = boxes.to_world(np.arange(len(wet)), local)
     around = Cylinders(
         centre_m=centre, radius_m=np.hypot(half[:, 0], half[:, 1]), half_height_m=half[:, 2] + 0.5
     )
     rays, plume = candidates(origins_m, directions, limit_m, around)
-    inside = into_actor_frame(
-        origins_m[rays] - centre[plume],
-        directions[rays],
-        boxes.heading_rad[plume],
-        boxes.pitch_rad[plume],
-        boxes.roll_rad[plume],
-    ).astype(np.float64)
+    angles = boxes.heading_rad[plume], boxes.pitch_rad[plume], boxes.roll_rad[plume]
+    inside = into_actor_frame(origins_m[rays] - centre[plume], directions[rays], *angles).astype(np.float64)
     start, along = inside[:, :3], inside[:, 3:]
     along = np.where(np.abs(along) < 1e-9, 1e-9, along)
     a, b = (-half[plume] - start) / along, (half[plume] - start) / along

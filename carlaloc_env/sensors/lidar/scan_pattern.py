@@ -63,7 +63,7 @@ class ScanPattern:
             power: Strength of echoes, for beams of more than one ray.
         """
         config = self._config
-        own, free, free_ns = self._own_body
+        body, free, free_ns = self._own_body
         world, aimed = self._world.rays(), self.aimed(timeline, stamp_ns, free)
         stamps_ns = stamp_ns + free_ns
         found = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
@@ -75,7 +75,7 @@ class ScanPattern:
             found = weigh(beams, power)
         if not config.ego_returns:
             return free, found
-        hits = dataclasses.replace(own, **{name: getattr(own, name).copy() for name in own.__slots__})
+        hits = dataclasses.replace(body, **{name: getattr(body, name).copy() for name in body.__slots__})
         hits.put(free, found)
         return np.arange(config.rays), hits
 
@@ -116,10 +116,8 @@ class ScanPattern:
         """Unit directions of all rays in the sensor frame, shape (rays, 3)."""
         config = self._config
         elevation = np.radians(np.array(config.elevations_deg)[order] + config.elevation_offset_deg)
-        revolutions = (
-            np.arange(config.columns)[:, None] + 0.5
-        ) / config.columns + self._firing_ns / config.sweep_ns
-        azimuth = math.pi - 2 * math.pi * revolutions
+        columns = (np.arange(config.columns)[:, None] + 0.5) / config.columns
+        azimuth = math.pi - 2 * math.pi * (columns + self._firing_ns / config.sweep_ns)
         flat = elementary.cos(elevation)
         up = np.broadcast_to(elementary.sin(elevation), azimuth.shape)
         along: Array = np.stack([flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), up], axis=-1)

@@ -87,11 +87,8 @@ def strongest_echoes(
         normal = np.sqrt(-2.0 * elementary.log(uniform[:, 0])) * elementary.cos(2.0 * math.pi * uniform[:, 1])
         wisp = elementary.exp(_WISP * normal - 0.5 * _WISP * _WISP)
         # As bright as a surface where the fog's echo peaks, wherever the wisp is.
-        offer(
-            fog.strongest(surface_m) * wisp,
-            fog.draw(surface_m, uniform[:, 2]),
-            np.full(len(surface_m), fog.peak_m),
-        )
+        peaks_m = np.full(len(surface_m), fog.peak_m)
+        offer(fog.strongest(surface_m) * wisp, fog.draw(surface_m, uniform[:, 2]), peaks_m)
     if air.rain_mmph > 0:
         drops = _drop_echo(air, divergence_rad=beam_rad, range_min_m=range_min_m, power_min=power_min)
         power, at_m = drops.draw(uniform[:, 3:5])
@@ -99,9 +96,7 @@ def strongest_echoes(
     if spray_m is not None:
         caught = np.isfinite(spray_m)
         away = np.where(caught, spray_m, 1.0)
-        power = np.where(
-            caught, _SPRAY_REFLECTANCE * elementary.exp(-2.0 * alpha * away) / (away * away), 0.0
-        )
-        offer(power, away, away)
+        echo = _SPRAY_REFLECTANCE * elementary.exp(-2.0 * alpha * away) / (away * away)
+        offer(np.where(caught, echo, 0.0), away, away)
     found_m[best < power_min] = np.inf
     return found_m, np.clip(strength, 0.0, 255.0).astype(np.float32), airborne

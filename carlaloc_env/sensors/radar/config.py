@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -69,13 +70,7 @@ class RadarConfig(SensorConfig):
     def __post_init__(self) -> None:
         SensorConfig.__post_init__(self)
         what = f"radar '{self.name}'"
-        cells = (
-            self.range_resolution_m,
-            self.azimuth_resolution_deg,
-            self.elevation_resolution_deg,
-            self.doppler_resolution_mps,
-        )
-        if not 0 < self.range_min_m < self.range_max_m or min(cells) <= 0:
+        if not 0 < self.range_min_m < self.range_max_m or min(self.cell) <= 0:
             raise ConfigError(f"{what}: needs 0 < range_min_m < range_max_m and resolutions > 0")
         if not (0 < self.azimuth_fov_deg <= 180 and 0 < self.elevation_fov_deg <= 90):
             raise ConfigError(f"{what}: azimuth_fov_deg must lie in 0…180, elevation_fov_deg in 0…90")
@@ -85,6 +80,19 @@ class RadarConfig(SensorConfig):
             raise ConfigError(f"{what}: columns, rows, rays_per_actor and detections_max must be at least 1")
         if self.clutter_mean < 0:
             raise ConfigError(f"{what}: clutter_mean {self.clutter_mean}; give a number ≥ 0")
+
+    @property
+    def half_fov_rad(self) -> tuple[float, float]:
+        """Half the width and half the height of the field of view [rad]."""
+        return 0.5 * math.radians(self.azimuth_fov_deg), 0.5 * math.radians(self.elevation_fov_deg)
+
+    @property
+    def cell(self) -> tuple[float, float, float, float]:
+        """Sizes of a cell in range [m], azimuth and elevation [rad], and Doppler [m/s]."""
+        azimuth, elevation = (
+            math.radians(deg) for deg in (self.azimuth_resolution_deg, self.elevation_resolution_deg)
+        )
+        return self.range_resolution_m, azimuth, elevation, self.doppler_resolution_mps
 
     @property
     def stream(self) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,16 +40,8 @@ class Detector:
     def __init__(self, config: RadarConfig, world: World) -> None:
         self._config, self._world = config, world
         self._reference_snr = snr_at(config.reference_pd, config.pfa)
-        self._half = (
-            0.5 * math.radians(config.azimuth_fov_deg),
-            0.5 * math.radians(config.elevation_fov_deg),
-        )
-        self.cell = (
-            config.range_resolution_m,
-            math.radians(config.azimuth_resolution_deg),
-            math.radians(config.elevation_resolution_deg),
-            config.doppler_resolution_mps,
-        )
+        self._half = config.half_fov_rad
+        self.cell = config.cell
 
     def detections(
         self,
@@ -80,11 +71,11 @@ class Detector:
         range_m, azimuth, elevation, doppler, snr, tag, instance, origin = (
             np.concatenate(column) for column in zip(*found, strict=True)
         )
-        inside = (range_m >= config.range_min_m) & (range_m <= config.range_max_m)
-        keep = np.flatnonzero(inside)
+        keep = np.flatnonzero((range_m >= config.range_min_m) & (range_m <= config.range_max_m))
         keep = keep[np.argsort(-snr[keep], kind="stable")][: config.detections_max]
         keep = keep[np.argsort(range_m[keep], kind="stable")]
-        gain = self._gain(range_m[keep], azimuth[keep], elevation[keep], loss_db_per_m=loss)
+        # The ratio that 1 m² has at each position.
+        gain = self._mean_snr(range_m[keep], azimuth[keep], elevation[keep], np.ones(len(keep)), loss)
         level = snr[keep]
         return RadarScan(
             sensor=config.stream,
@@ -101,26 +92,27 @@ class Detector:
             origin=origin[keep].astype(np.uint8),
         )
 
-    def _pattern(self, azimuth_rad: Array, elevation_rad: Array) -> Array:
-        """Two-way antenna gain relative to the axis, linear: `edge_loss_db` down at either edge."""
+    def _mean_snr(
+        self, range_m: Array, azimuth_rad: Array, elevation_rad: Array, rcs_m2: Array, loss_db_per_m: float
+    ) -> Array:
+        """Mean signal-to-noise ratio, linear, (N,); the gain is `edge_loss_db` down at either edge."""
         a, e = azimuth_rad / self._half[0], elevation_rad / self._half[1]
-        result: Array = elementary.power(10.0, -0.1 * self._config.edge_loss_db * (a * a + e * e))
-        return result
+        return mean_snr(
+            range_m,
+            rcs_m2,
+            at_reference=self._reference_snr,
+            reference_m=self._config.reference_range_m,
+            pattern=elementary.power(10.0, -0.1 * self._config.edge_loss_db * (a * a + e * e)),
+            loss_db_per_m=loss_db_per_m,
+        )
 
     def _detect(
         self, echoes: RadarEchoes, origin: int, generator: np.random.Generator, loss_db_per_m: float
     ) -> tuple[NDArray[Any], ...]:
-        config = self._config
-        snr = mean_snr(
-            echoes.range_m,
-            echoes.rcs_m2,
-            at_reference=self._reference_snr,
-            reference_m=config.reference_range_m,
-            pattern=self._pattern(echoes.azimuth_rad, echoes.elevation_rad),
-            loss_db_per_m=loss_db_per_m,
-        )
+        positions = echoes.range_m, echoes.azimuth_rad, echoes.elevation_rad
+        snr = self._mean_snr(*positions, echoes.rcs_m2, loss_db_per_m)
         uniform, normal = 1.0 - generator.random(len(echoes)), generator.standard_normal((len(echoes), 4))
-        seen, measured = detect(snr, config.pfa, uniform)
+        seen, measured = detect(snr, self._config.pfa, uniform)
         found, normal = echoes.take(seen), normal[seen]
         values = (found.range_m, found.azimuth_rad, found.elevation_rad, found.doppler_mps)
         measurement = [
@@ -157,17 +149,4 @@ class Detector:
             nothing,
             nothing.astype(np.uint32),
             np.full(count, CLUTTER, np.uint8),
-        )
-
-    def _gain(
-        self, range_m: Array, azimuth_rad: Array, elevation_rad: Array, *, loss_db_per_m: float
-    ) -> Array:
-        """Mean signal-to-noise ratio that 1 m² has at each position, linear, shape (N,)."""
-        return mean_snr(
-            range_m,
-            np.ones(len(range_m)),
-            at_reference=self._reference_snr,
-            reference_m=self._config.reference_range_m,
-            pattern=self._pattern(azimuth_rad, elevation_rad),
-            loss_db_per_m=loss_db_per_m,
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,10 +28,7 @@ class RadarView:
 
     def __init__(self, config: RadarConfig, world: World) -> None:
         self._config, self._world = config, world
-        self._half = (
-            0.5 * math.radians(config.azimuth_fov_deg),
-            0.5 * math.radians(config.elevation_fov_deg),
-        )
+        self._half = config.half_fov_rad
 
     def echoes(
         self, timeline: Timeline, stamp_ns: int, motion: Motion
@@ -78,9 +74,8 @@ class RadarView:
         local = into(motion, boxes.centre_m - motion.position_m[0])
         distance, azimuth, elevation = polar(local)
         radius = 0.5 * np.sqrt(np.sum(boxes.size_m * boxes.size_m, axis=-1))
-        slack = np.where(
-            distance > radius, elementary.arcsin(np.minimum(radius / np.maximum(distance, 1e-3), 1.0)), np.pi
-        )
+        beside = elementary.arcsin(np.minimum(radius / np.maximum(distance, 1e-3), 1.0))
+        slack = np.where(distance > radius, beside, np.pi)
         seen = distance - radius < self._config.range_max_m
         seen &= (np.abs(azimuth) < self._half[0] + slack) & (np.abs(elevation) < self._half[1] + slack)
         return boxes.take(np.flatnonzero(seen))
@@ -147,7 +142,6 @@ class RadarView:
         return echoes, of_box
 
     def _in_view(self, echoes: RadarEchoes) -> RadarEchoes:
-        inside = (np.abs(echoes.azimuth_rad) <= self._half[0]) & (
-            np.abs(echoes.elevation_rad) <= self._half[1]
-        )
+        inside = np.abs(echoes.azimuth_rad) <= self._half[0]
+        inside &= np.abs(echoes.elevation_rad) <= self._half[1]
         return echoes.take(np.flatnonzero(inside))

@@ -62,8 +62,7 @@ def mirror_images(
     """
     origin = motion.position_m[0]
     choice = generator.random((2, _PAIRS))
-    flat = np.isin(hits.tag, REFLECTORS) & (hits.range_m < GHOST_RANGE_M)
-    walls = np.flatnonzero(flat)
+    walls = np.flatnonzero(np.isin(hits.tag, REFLECTORS) & (hits.range_m < GHOST_RANGE_M))
     near = np.flatnonzero(actors.range_m < GHOST_RANGE_M)
     if len(near) == 0:
         return actors.take(near)
@@ -114,12 +113,9 @@ def _mirrors(
     road = np.arange(count) % 4 == 0
     below = cast(origin[None], -up[None]).range_m[0]
     road &= bool(np.isfinite(below))
-    wall = (
-        walls[np.minimum((choice * max(len(walls), 1)).astype(np.intp), max(len(walls) - 1, 0))]
-        if len(walls)
-        else np.zeros(count, np.intp)
-    )
-    along = directions[wall] if len(walls) else np.broadcast_to(up, (count, 3))
+    along = np.broadcast_to(up, (count, 3))
+    if len(walls):
+        along = directions[walls[np.minimum((choice * len(walls)).astype(np.intp), len(walls) - 1)]]
     sideways = transforms.cross(along, np.broadcast_to(up, along.shape))
     above = transforms.cross(sideways, along)
     rays = np.concatenate([along + 0.01 * sideways, along + 0.01 * above, along])

@@ -79,15 +79,12 @@ class CanSensor(Sensor):
         if not stamps_ns:
             return []
         config, car = self.config, timeline.car.at(stamps_ns)
-        steering = _rounded(
-            car.road_wheel_rad * config.steering_ratio + self._offset_rad,
-            math.radians(config.steering_step_deg),
-        )
+        angle = car.road_wheel_rad * config.steering_ratio + self._offset_rad
+        steering = _rounded(angle, math.radians(config.steering_step_deg))
         tread = _rounded(car.wheel_spin_radps * config.wheel_radius_m, config.speed_step_mps)
         speed = _rounded(0.5 * (tread[:, 2] + tread[:, 3]), config.speed_step_mps)
-        throttle, brake = (
-            np.minimum(_rounded(pedal, config.pedal_step), 1.0) for pedal in (car.throttle, car.brake)
-        )
+        throttle = np.minimum(_rounded(car.throttle, config.pedal_step), 1.0)
+        brake = np.minimum(_rounded(car.brake, config.pedal_step), 1.0)
         return [
             CanState(
                 sensor=config.name,

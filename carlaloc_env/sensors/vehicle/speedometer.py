@@ -61,9 +61,8 @@ class SpeedSensor(Sensor):
         if not stamps_ns:
             return []
         motion = timeline.ego_motion(stamps_ns).at_mount(self._T_base_sensor)
-        ahead = transforms.quat_rotate(
-            transforms.quat_conjugate(motion.quat_xyzw), motion.velocity_world_mps
-        )[:, 0]
+        to_body = transforms.quat_conjugate(motion.quat_xyzw)
+        ahead = transforms.quat_rotate(to_body, motion.velocity_world_mps)[:, 0]
         sigma, name = self.config.noise_mps, f"{self.config.name}/speed"
         return [
             Speed(

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.hash_random import hash_uniform
+from carlaloc_env.traffic.tables.hash_random import happens
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.reservations import Requests, drop_holds_ahead, holds
+from carlaloc_env.traffic.tables.reservations import Requests, drop_holds_ahead, holds, swap_requests
 from carlaloc_env.traffic.tables.speed_profile import COMFORT_BRAKING_MPS2
 from carlaloc_env.traffic.tables.vehicle_state import PLAN, REFUSED_LIGHT, DriverParameters, Drivers, Fleet
 
@@ -43,12 +43,7 @@ _DRAW_SIGNS = 24
 
 @compiled
 def permitted(
-    roads: Roads,
-    lane: int,
-    signals: NDArray[np.uint8],
-    red_in_s: Array,
-    to_line_m: float,
-    speed_mps: float,
+    roads: Roads, lane: int, signals: NDArray[np.uint8], red_in_s: Array, to_line_m: float, speed_mps: float
 ) -> bool:
     """Whether the lights before a junction lane let a vehicle go that far before its line [m].
 
@@ -141,7 +136,7 @@ def _until_narrow(roads: Roads, fleet: Fleet, v: int, hop: int, distance_m: floa
 @compiled
 def _ignores(probability: float, seed: int, purpose: int, fleet: Fleet, v: int) -> bool:
     """Whether a driver pays no heed this time; drawn once for each junction that it comes to."""
-    return probability > 0.0 and hash_uniform(seed, purpose, v, fleet.draws[v]) < probability
+    return happens(probability, seed, purpose, v, fleet.draws[v])
 
 
 @compiled
@@ -174,9 +169,8 @@ def _request_entry(
         drop_holds_ahead(fleet, v)
     gap = to_line if to_line > -1.0 else max(distance_m - 0.3, 0.0)
     fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], max(gap, 0.0))
-    if roads.lane.stop_sign[lane] and not _ignores(
-        parameters.ignore_signs, parameters.seed, _DRAW_SIGNS, fleet, v
-    ):
+    heedless = _ignores(parameters.ignore_signs, parameters.seed, _DRAW_SIGNS, fleet, v)
+    if roads.lane.stop_sign[lane] and not heedless:
         fleet.at_stop_sign[v] = to_line < _AT_SIGN_M
         ready = ready and fleet.stopped_s[v] >= STOP_SIGN_S
     fleet.refused[v] = REFUSED_LIGHT
@@ -189,43 +183,15 @@ def _request_entry(
 @compiled
 def _sort_requests(requests: Requests, roads: Roads, fleet: Fleet) -> None:
     """Sort requests: patience at its end first, then rank, then arrival, then the vehicle's number."""
+    queue = requests.queue
     for k in range(requests.used[0]):
-        v = requests.queue.vehicle[k]
-        lane = fleet.plan[v, requests.queue.hop[k]]
-        waited = fleet.waited_s[v]
-        arrives = requests.queue.distance_m[k] / max(fleet.speed_mps[v], 1.0)
-        rank = (
-            10.0
-            if waited > PATIENCE_S and requests.queue.distance_m[k] < 8.0
-            else float(roads.lane.rank[lane])
-        )
-        requests.queue.urgency[k] = 1000.0 * rank + waited - arrives
+        v, distance = queue.vehicle[k], queue.distance_m[k]
+        waited, rank = fleet.waited_s[v], float(roads.lane.rank[fleet.plan[v, queue.hop[k]]])
+        if waited > PATIENCE_S and distance < 8.0:
+            rank = 10.0
+        queue.urgency[k] = 1000.0 * rank + waited - distance / max(fleet.speed_mps[v], 1.0)
     for k in range(1, requests.used[0]):
-        v, hop, distance, urgency = (
-            requests.queue.vehicle[k],
-            requests.queue.hop[k],
-            requests.queue.distance_m[k],
-            requests.queue.urgency[k],
-        )
         j = k
-        while j > 0 and requests.queue.urgency[j - 1] < urgency:
-            requests.queue.vehicle[j], requests.queue.hop[j] = (
-                requests.queue.vehicle[j - 1],
-                requests.queue.hop[j - 1],
-            )
-            requests.queue.distance_m[j], requests.queue.urgency[j] = (
-                requests.queue.distance_m[j - 1],
-                requests.queue.urgency[j - 1],
-            )
+        while j > 0 and queue.urgency[j - 1] < queue.urgency[j]:
+            swap_requests(queue, j - 1, j)
             j -= 1
-        (
-            requests.queue.vehicle[j],
-            requests.queue.hop[j],
-            requests.queue.distance_m[j],
-            requests.queue.urgency[j],
-        ) = (
-            v,
-            hop,
-            distance,
-            urgency,
-        )

@@ -35,22 +35,14 @@ def travel_time(distance_m: float, speed_mps: float, acceleration_mps2: float, t
     top = max(top_mps, speed_mps, 0.1)
     gain = (top * top - speed_mps * speed_mps) / (2.0 * acceleration_mps2)
     if distance_m <= gain:
-        return float(
-            (np.sqrt(speed_mps * speed_mps + 2.0 * acceleration_mps2 * distance_m) - speed_mps)
-            / acceleration_mps2
-        )
+        end_mps = np.sqrt(speed_mps * speed_mps + 2.0 * acceleration_mps2 * distance_m)
+        return float((end_mps - speed_mps) / acceleration_mps2)
     return float((top - speed_mps) / acceleration_mps2 + (distance_m - gain) / top)
 
 
 @compiled
 def zones_clear(
-    requests: Requests,
-    roads: Roads,
-    drivers: Drivers,
-    fleet: Fleet,
-    v: int,
-    hop: int,
-    distance_m: float,
+    requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, v: int, hop: int, distance_m: float
 ) -> bool:
     """Whether every zone on the path of vehicle v is clear when it would be there.
 
@@ -63,8 +55,7 @@ def zones_clear(
         hop: Index in its plan of the first junction lane.
         distance_m: From its front to that lane [m].
     """
-    waited = fleet.waited_s[v]
-    margin = max(_SHORTEST_GAP_S, _GAP_S - 0.05 * waited)
+    margin = max(_SHORTEST_GAP_S, _GAP_S - 0.05 * fleet.waited_s[v])
     ahead = distance_m
     for k in range(hop, PLAN):
         lane = fleet.plan[v, k]
@@ -78,9 +69,8 @@ def zones_clear(
                 h, slot = requests.holder[index] // HELD, requests.holder[index] % HELD
                 if h == v or fleet.held_lane[h, slot] != other:
                     continue
-                if not is_conflict_free(
-                    roads, drivers, fleet, v, ahead, z, h, fleet.held_front_m[h, slot], margin
-                ):
+                front = fleet.held_front_m[h, slot]
+                if not is_conflict_free(roads, drivers, fleet, v, ahead, z, h, front, margin):
                     return False
         ahead += roads.lane.length_m[lane]
     return True

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.junctions.conflict_times import is_conflict_free
 from carlaloc_env.traffic.tables.conflict_zones import MERGING, PARTING
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.reservations import Requests
-from carlaloc_env.traffic.tables.vehicle_state import HELD, PLAN, Drivers, Fleet
+from carlaloc_env.traffic.tables.vehicle_state import HELD, PLAN, STANDING_MPS, STEP_S, Drivers, Fleet
 
-STANDING_MPS = 0.1
-"""Slower than this, a vehicle stands [m/s]."""
 _STANDING_INSIDE_S = 8.0
-"""A vehicle that has waited longer inside a junction goes on before those that stand [s]."""
+"""A vehicle that has waited longer inside a junction moves on before vehicles that stand [s]."""
 _GOES_FIRST_S = 5.0
 """So long it keeps going before them: to have begun is not to be through [s]."""
 _BEFORE_ZONE_M = 0.6
@@ -30,7 +27,7 @@ def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet
         if fleet.waited_s[v] > _STANDING_INSIDE_S:
             fleet.goes_first_s[v] = _GOES_FIRST_S
         else:
-            fleet.goes_first_s[v] = max(fleet.goes_first_s[v] - STEP_NS / 1e9, 0.0)
+            fleet.goes_first_s[v] = max(fleet.goes_first_s[v] - STEP_S, 0.0)
         for slot in range(HELD):
             lane = fleet.held_lane[v, slot]
             if lane < 0:
@@ -65,8 +62,7 @@ def _must_wait(
         h_front = fleet.held_front_m[h, h_slot]
         if h_front - drivers.length_m[h] > roads.zone.other_leave_m[z]:
             continue
-        inside = h_front > roads.zone.other_enter_m[z]
-        if inside:
+        if h_front > roads.zone.other_enter_m[z]:
             # A vehicle that merges into the same lane is followed, not waited for.
             if roads.zone.kind[z] != MERGING:
                 return True
@@ -97,8 +93,6 @@ def release_passed(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> 
             if not gone and front < 0.0:
                 gone = True
                 for hop in range(PLAN):
-                    if fleet.plan[v, hop] == lane:
-                        gone = False
-                        break
+                    gone = gone and fleet.plan[v, hop] != lane
             if gone:
                 fleet.held_lane[v, slot] = -1

@@ -63,7 +63,7 @@ def has_room(
             fleet.blocker[v] = other
             if occupancy.body.speed_mps[row] < _SLOW_MPS:
                 return bool(free + occupancy.body.centre_m[row] - occupancy.body.half_m[row] >= need)
-            if not _moves_on(roads, fleet, other, lane):
+            if not _moves_on(roads, fleet, other):
                 free -= 2.0 * occupancy.body.half_m[row] + _GAP_M
         following = fleet.plan[v, k + 1] if k + 1 < PLAN else -1
         ends = following >= 0 and roads.lane.junction[following] >= 0
@@ -76,8 +76,8 @@ def has_room(
 
 
 @compiled
-def _moves_on(roads: Roads, fleet: Fleet, v: int, lane: int) -> bool:
-    """Whether a vehicle on a lane has been admitted to the junction at its end."""
+def _moves_on(roads: Roads, fleet: Fleet, v: int) -> bool:
+    """Whether a vehicle has been admitted to the junction ahead of it."""
     for k in range(HELD):
         held = fleet.held_lane[v, k]
         if held >= 0 and fleet.held_front_m[v, k] < 0.0 and roads.lane.junction[held] >= 0:

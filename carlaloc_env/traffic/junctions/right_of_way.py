@@ -17,7 +17,7 @@ from carlaloc_env.traffic.junctions.exit_clearance import claim_rooms, has_room
 from carlaloc_env.traffic.tables.conflict_zones import PARTING
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
-from carlaloc_env.traffic.tables.reservations import Requests, list_holders
+from carlaloc_env.traffic.tables.reservations import Requests, list_holders, swap_requests
 from carlaloc_env.traffic.tables.vehicle_state import (
     HELD,
     PLAN,
@@ -42,28 +42,26 @@ def admit(requests: Requests, occupancy: Occupancy, roads: Roads, drivers: Drive
     """Grant requests in order where leaders, room and zones allow.
 
     Those admitted hold their junction lanes (`fleet.held_lane`, `held_front_m` [m], `held_ticket`, each
-    (N + 1, HELD)) and need not stop; `fleet.refused` tells why others are not, (N + 1,).
+    (N + 1, HELD)) and need not stop; `fleet.refused` has the reason why others are not, (N + 1,).
     """
     claim_rooms(requests, roads, drivers, fleet)
     for k in range(len(requests.queue.vehicle)):
         if k >= requests.used[0]:
             break
-        v, hop = requests.queue.vehicle[k], requests.queue.hop[k]
-        if _leader_waits(roads, fleet, v, fleet.plan[v, hop], requests.queue.distance_m[k]):
+        v, hop, distance = requests.queue.vehicle[k], requests.queue.hop[k], requests.queue.distance_m[k]
+        if _leader_waits(roads, fleet, v, fleet.plan[v, hop], distance):
             fleet.refused[v] = REFUSED_LEADER
             continue
-        patient = fleet.waited_s[v] > PATIENCE_S and requests.queue.distance_m[k] < _AT_LINE_M
-        if not has_room(requests, occupancy, roads, drivers, fleet, v, hop) and not _waits_in_a_ring(
-            fleet, v
-        ):
+        has_exit = has_room(requests, occupancy, roads, drivers, fleet, v, hop)
+        if not has_exit and not _waits_in_a_ring(fleet, v):
             fleet.refused[v] = REFUSED_ROOM
             continue
-        if zones_clear(requests, roads, drivers, fleet, v, hop, requests.queue.distance_m[k]):
-            _grant(requests, roads, drivers, fleet, v, hop, requests.queue.distance_m[k])
+        if zones_clear(requests, roads, drivers, fleet, v, hop, distance):
+            _grant(requests, roads, drivers, fleet, v, hop, distance)
             fleet.refused[v] = 0
             continue
         fleet.refused[v] = REFUSED_ZONE
-        if patient:
+        if fleet.waited_s[v] > PATIENCE_S and distance < _AT_LINE_M:
             _keep_free(requests, roads, fleet, k, hop)
 
 
@@ -82,9 +80,7 @@ def _waits_in_a_ring(fleet: Fleet, v: int) -> bool:
             other = fleet.leader[other]
         if other == v:
             return True
-        if 0 <= other < v:
-            return False
-        if other < 0 or other == len(fleet.speed_mps) - 1:
+        if other < v or other == len(fleet.speed_mps) - 1:
             return False
     return False
 
@@ -102,14 +98,7 @@ def _keep_free(requests: Requests, roads: Roads, fleet: Fleet, k: int, hop: int)
             if roads.zone.other[z] == other and roads.zone.kind[z] != PARTING:
                 meets = True
         if not meets:
-            requests.queue.vehicle[kept], requests.queue.hop[kept] = (
-                requests.queue.vehicle[j],
-                requests.queue.hop[j],
-            )
-            requests.queue.distance_m[kept], requests.queue.urgency[kept] = (
-                requests.queue.distance_m[j],
-                requests.queue.urgency[j],
-            )
+            swap_requests(requests.queue, kept, j)
             kept += 1
     requests.used[0] = kept
 

@@ -11,7 +11,7 @@ import numpy as np
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.geometry.point_tree import point_tree
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.tables.record_arrays import Flags, fill, starts
+from carlaloc_env.traffic.tables.record_arrays import Flags, packed
 
 Links = Sequence[Sequence[int]]
 """For each lane, the lanes that it is linked to."""
@@ -29,7 +29,7 @@ RANK_MINOR, RANK_ACROSS, RANK_KERB, RANK_STRAIGHT = 0, 1, 2, 3
 to the kerb's side, straight on."""
 STOP_LINE_M = 1.0
 """Where no signal says so, drivers stop this far before the junction [m]."""
-_TURN_RAD = 0.5
+TURN_RAD = 0.5
 """Change of heading from which a junction lane is a turn [rad]."""
 _NEAR_JUNCTION_M = 12.0
 """A sign this close to a lane's end belongs to the junction there [m]."""
@@ -74,10 +74,7 @@ def find_zones(network: LaneNetwork, junction: Index, after: Links, before: Link
     for lanes in members.values():
         for a, row in _zones_of(network, after, before, lanes):
             rows[a].append(row)
-    flat = [row for own in rows for row in own]
-    names = ("other", "kind", "enter_m", "leave_m", "other_enter_m", "other_leave_m")
-    table = fill(Zones, len(flat), **{name: [row[k] for row in flat] for k, name in enumerate(names)})
-    return starts(rows), table
+    return packed(Zones, rows)
 
 
 def _zones_of(
@@ -89,9 +86,9 @@ def _zones_of(
         s = np.linspace(0.0, length, max(2, int(length / _SAMPLE_M) + 1))
         points.append(network.pose(np.full(len(s), lane), s).position_m)
         stations.append(s)
-    trees = [point_tree(own) for own in points]
-    low = np.array([own.min(axis=0) for own in points]) - _CLEAR_M
-    high = np.array([own.max(axis=0) for own in points])
+    trees = [point_tree(line) for line in points]
+    low = np.array([line.min(axis=0) for line in points]) - _CLEAR_M
+    high = np.array([line.max(axis=0) for line in points])
     apart = ((low[:, None] > high) | (low > high[:, None])).any(axis=-1)
     for a, b in np.argwhere(~apart).tolist():
         if a == b:
@@ -101,14 +98,14 @@ def _zones_of(
         if not (near_a.any() and near_b.any()):
             continue
         lane, other = lanes[a], lanes[b]
-        kind = _kind(after, before, lane, other)
+        kind = _zone_kind(after, before, lane, other)
         if kind == PARTING:
             near_a, near_b = _run_from_start(near_a), _run_from_start(near_b)
-        own, its = stations[a][near_a], stations[b][near_b]
-        yield lane, (other, kind, float(own[0]), float(own[-1]), float(its[0]), float(its[-1]))
+        here, there = stations[a][near_a], stations[b][near_b]
+        yield lane, (other, kind, float(here[0]), float(here[-1]), float(there[0]), float(there[-1]))
 
 
-def _kind(after: Links, before: Links, lane: int, other: int) -> int:
+def _zone_kind(after: Links, before: Links, lane: int, other: int) -> int:
     if set(before[lane]) & set(before[other]):
         return PARTING
     return MERGING if set(after[lane]) & set(after[other]) else CROSSING
@@ -142,7 +139,7 @@ def find_rules(network: LaneNetwork, junction: Index, turn_rad: Array, after: Li
     slower = _slower_approaches(network, junction, before)
     for lane in np.flatnonzero(junction >= 0).tolist():
         turn = network.lanes[lane].kerb_side * turn_rad[lane]
-        rank[lane] = RANK_STRAIGHT if abs(turn) < _TURN_RAD else RANK_KERB if turn > 0 else RANK_ACROSS
+        rank[lane] = RANK_STRAIGHT if abs(turn) < TURN_RAD else RANK_KERB if turn > 0 else RANK_ACROSS
         if minor[lane] or (lane in slower and not heads[lane]):
             rank[lane] = RANK_MINOR
     return Rules(rank, np.maximum(stop, 0.0), stopping, heads)
@@ -181,4 +178,4 @@ def _slower_approaches(network: LaneNetwork, junction: Index, before: Links) -> 
     for lane in np.flatnonzero(junction >= 0).tolist():
         speed[lane] = max((network.lanes[n].speed_limit_mps for n in before[lane]), default=0.0)
         fastest[int(junction[lane])] = max(fastest[int(junction[lane])], speed[lane])
-    return {lane for lane, own in speed.items() if own < 0.8 * fastest[int(junction[lane])]}
+    return {lane for lane, mps in speed.items() if mps < 0.8 * fastest[int(junction[lane])]}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.tables.record_arrays import fill, starts
+from carlaloc_env.traffic.tables.record_arrays import packed
 
 WANTED, TAKEN = 1, 2
 """What walkers do with a crossing: they wait to cross, or they walk there or will within seconds."""
@@ -25,17 +25,8 @@ class Crossings:
 
 def find_crossings(network: LaneNetwork) -> tuple[Index, Crossings]:
     """Where each lane's rows begin (N + 1,), and all crossings of driving lanes."""
-    rows: list[list[tuple[int, float, float]]] = [[] for _ in network.lanes]
+    rows: list[list[tuple[int, int, float, float]]] = [[] for _ in network.lanes]
     for number, crosswalk in enumerate(network.crosswalks):
         for lane, (enter, leave) in zip(crosswalk.lanes, crosswalk.span_m, strict=True):
-            rows[lane].append((number, enter, leave))
-    flat = [row for own in rows for row in own]
-    table = fill(
-        Crossings,
-        len(flat),
-        lane=[lane for lane, own in enumerate(rows) for _ in own],
-        crosswalk=[row[0] for row in flat],
-        enter_m=[row[1] for row in flat],
-        leave_m=[row[2] for row in flat],
-    )
-    return starts(rows), table
+            rows[lane].append((lane, number, enter, leave))
+    return packed(Crossings, rows)

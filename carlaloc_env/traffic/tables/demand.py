@@ -84,10 +84,9 @@ def weighted_order(draw: np.random.Generator, weight: Array, group: Index | None
         draw: Where random numbers come from.
         weight: Weight of each thing, (N,).
         group: Number of the group, from 0, to which each belongs, (N,): those of a group with one weight come
-            one after the other; None: each is a group of its own.
+            one after the other; None: each forms a group.
     """
     uniform = draw.random(len(weight))
-    order: Index = np.argsort(
-        elementary.log(uniform if group is None else uniform[group]) / weight, kind="stable"
-    )[::-1]
+    drawn = uniform if group is None else uniform[group]
+    order: Index = np.argsort(elementary.log(drawn) / weight, kind="stable")[::-1]
     return order

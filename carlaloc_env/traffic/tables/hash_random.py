@@ -36,3 +36,9 @@ def hash_uniform(seed: int, purpose: int, entity: int, counter: int) -> float:
     x = _mixed(x ^ np.uint64(entity) * _GOLDEN)
     x = _mixed(x ^ np.uint64(counter) * _GOLDEN)
     return float(x >> np.uint64(11)) * _ONE_53
+
+
+@compiled
+def happens(probability: float, seed: int, purpose: int, entity: int, counter: int) -> bool:
+    """Whether something of a probability happens, by the draw of `hash_uniform`."""
+    return probability > 0.0 and hash_uniform(seed, purpose, entity, counter) < probability

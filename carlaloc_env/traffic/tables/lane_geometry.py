@@ -52,13 +52,8 @@ def station_beside(roads: Roads, lane: int, station_m: float, other: int) -> flo
     row, f = sample(roads, lane, station_m)
     along = roads.row.along_m[row] * (1.0 - f) + roads.row.along_m[row + 1] * f
     first, last = roads.lane.row_first[other], roads.lane.row_first[other] + roads.lane.row_count[other] - 2
-    other_row = min(
-        first
-        + int(
-            (row - roads.lane.row_first[lane] + f) * roads.lane.row_count[other] / roads.lane.row_count[lane]
-        ),
-        last,
-    )
+    past = row - roads.lane.row_first[lane] + f
+    other_row = min(first + int(past * roads.lane.row_count[other] / roads.lane.row_count[lane]), last)
     while other_row > first and roads.row.along_m[other_row] > along:
         other_row -= 1
     while other_row < last and roads.row.along_m[other_row + 1] < along:

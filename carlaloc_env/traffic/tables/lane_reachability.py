@@ -13,12 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.traffic.tables.record_arrays import Flags, fill, starts
+from carlaloc_env.traffic.tables.record_arrays import Flags, packed
 
 CHANGE_ROOM_M = 18.0
 """Shortest lane on which a lane change is planned [m]."""
 CLOSED_FRACTION = 0.5
-"""Where a smaller fraction of all lanes goes on for ever, vehicles may leave the map."""
+"""Where a smaller fraction of all lanes leads on for ever, vehicles may leave the map."""
 _FAR_M = 3000.0
 """Room beyond this makes no difference to a driver [m]."""
 
@@ -79,11 +79,9 @@ def find_goal_paths(
         if lasting[goal]:
             known = changes[goal]
             for lane in sorted(known):
-                rows[lane].append(_row(goal, lane, known, length_m, left, right, after))
-    flat = [row for own in rows for row in own]
-    names = ("goal", "changes", "side", "onward", "room_m")
-    table = fill(GoalPaths, len(flat), **{name: [row[k] for row in flat] for k, name in enumerate(names)})
-    return starts(rows), table, lasting, leaves
+                rows[lane].append(_path_to(goal, lane, known, length_m, left, right, after))
+    first, paths = packed(GoalPaths, rows)
+    return first, paths, lasting, leaves
 
 
 def road_ends(
@@ -98,7 +96,7 @@ def road_ends(
         right: Right neighbour, −1 = none, (N,).
         links: Successors of each lane, or predecessors for where roads begin.
     """
-    linked = np.array([bool(own) for own in links], dtype=bool)
+    linked = np.array([bool(ends) for ends in links], dtype=bool)
     ends: Flags = driving & (junction < 0) & ~linked
     for beside in (left, right):
         for lane in np.flatnonzero(ends).tolist():
@@ -127,7 +125,7 @@ def _changes_to(
     return found
 
 
-def _row(
+def _path_to(
     goal: int,
     lane: int,
     changes: dict[int, int],
@@ -136,6 +134,7 @@ def _row(
     right: Index,
     after: Sequence[Sequence[int]],
 ) -> tuple[int, int, int, int, float]:
+    """Record of `GoalPaths` from a lane to a goal."""
     count = changes[lane]
     side = 0
     if count and length_m[lane] >= CHANGE_ROOM_M:

@@ -12,7 +12,7 @@ from carlaloc_env.traffic.tables.conflict_zones import Zones, find_rules, find_z
 from carlaloc_env.traffic.tables.crosswalk_tables import Crossings, find_crossings
 from carlaloc_env.traffic.tables.demand import stretch_demand
 from carlaloc_env.traffic.tables.lane_reachability import GoalPaths, find_goal_paths, road_ends
-from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
+from carlaloc_env.traffic.tables.record_arrays import Flags, fill, starts
 from carlaloc_env.traffic.tables.speed_profile import allowed_speeds
 
 WIDE_M = 2.6
@@ -167,18 +167,21 @@ def build_roads(network: LaneNetwork, demand: Array) -> Roads:
         row_step_m=tables.step_m,
         **bounds,
     )
-    samples = columns(Samples, len(tables.width_m))
-    samples.position_m[...] = tables.position_m
-    samples.tangent[...] = tables.tangent
-    samples.bank[...] = network.bank
-    samples.along_m[...] = tables.along_m
-    samples.width_m[...] = tables.width_m
-    samples.allowed_mps[...] = allowed_speeds(network)
-    flat = [
-        np.array([n for own in rows for n in own], np.int64)
+    samples = fill(
+        Samples,
+        len(tables.width_m),
+        position_m=tables.position_m,
+        tangent=tables.tangent,
+        bank=network.bank,
+        along_m=tables.along_m,
+        width_m=tables.width_m,
+        allowed_mps=allowed_speeds(network),
+    )
+    after, before, heads = (
+        np.array([n for row in rows for n in row], np.int64)
         for rows in (links.after, links.before, rules.heads)
-    ]
-    return Roads(lanes, samples, paths, zones, crossings, flat[0], flat[1], flat[2], entrance)
+    )
+    return Roads(lanes, samples, paths, zones, crossings, after, before, heads, entrance)
 
 
 class _Links:
@@ -192,7 +195,7 @@ class _Links:
         self.before = [[n for n in lane.predecessors if driving[n] and driving[lane.index]] for lane in lanes]
         names = [lane.junction_id for lane in lanes]
         number = {name: k for k, name in enumerate(dict.fromkeys(names))}
-        inside = [own and name is not None for own, name in zip(driving, names, strict=True)]
+        inside = [drives and name is not None for drives, name in zip(driving, names, strict=True)]
         self.junction = np.where(inside, [number[name] for name in names], -1).astype(np.int64)
         self.left = np.array([-1 if lane.left is None else lane.left for lane in lanes], np.int64)
         self.right = np.array([-1 if lane.right is None else lane.right for lane in lanes], np.int64)
@@ -217,12 +220,8 @@ def _stretches(links: _Links) -> Index:
         while queue:
             current = queue.pop()
             number[current] = lane
-            near = [
-                *links.after[current],
-                *links.before[current],
-                int(links.left[current]),
-                int(links.right[current]),
-            ]
+            beside = int(links.left[current]), int(links.right[current])
+            near = (*links.after[current], *links.before[current], *beside)
             queue += [n for n in near if n > lane and links.junction[n] < 0 and number[n] == n]
     return number
 

@@ -17,7 +17,7 @@ from carlaloc_env.traffic.tables.vehicle_state import PAST, Drivers, Fleet
 HORIZON_M = 120.0
 """Distance ahead within which drivers look for a leader [m]."""
 _ROWS_PER_VEHICLE = 14
-"""Rows that are made for each vehicle at first; `missing_rows` says when they do not suffice."""
+"""Rows that are made for each vehicle at first."""
 _ROWS_FOR_EGO = 64
 """Rows that are made for the ego at first: it lies on every lane that its box touches."""
 
@@ -71,7 +71,7 @@ def empty_occupancy(vehicles: int, lanes: int, rows: int = 0) -> Occupancy:
 def add_body(
     occupancy: Occupancy, lane: int, centre_m: float, half_m: float, speed_mps: float, owner: int
 ) -> None:
-    """Put one more body on a lane; where no row is left it is only counted, and `missing_rows` tells."""
+    """Put one more body on a lane; without a free row it is only counted."""
     k = occupancy.used[0]
     if k < len(occupancy.order):
         occupancy.body.lane[k] = lane
@@ -80,11 +80,6 @@ def add_body(
         occupancy.body.speed_mps[k] = speed_mps
         occupancy.body.owner[k] = owner
     occupancy.used[0] = k + 1
-
-
-def missing_rows(occupancy: Occupancy) -> int:
-    """Number of bodies that found no row when they were gathered last."""
-    return max(int(occupancy.used[0]) - len(occupancy.order), 0)
 
 
 @compiled
@@ -100,14 +95,8 @@ def _add_with_zones(
         if roads.zone.kind[z] == PARTING and centre_m - half_m < roads.zone.leave_m[z]:
             add_body(occupancy, other, centre_m, half_m, speed, v)
         elif roads.zone.kind[z] == MERGING and centre_m + half_m > roads.zone.enter_m[z]:
-            add_body(
-                occupancy,
-                other,
-                roads.lane.length_m[other] - (roads.lane.length_m[lane] - centre_m),
-                half_m,
-                speed,
-                v,
-            )
+            other_centre = roads.lane.length_m[other] - (roads.lane.length_m[lane] - centre_m)
+            add_body(occupancy, other, other_centre, half_m, speed, v)
 
 
 @compiled
@@ -137,12 +126,9 @@ def gather_bodies(occupancy: Occupancy, roads: Roads, drivers: Drivers, fleet: F
             if origin >= 0:
                 origin_station = station_beside(roads, lane, station, origin)
                 add_body(occupancy, origin, origin_station, half, speed, v)
-                before = (
-                    roads.before[roads.lane.before_first[origin]]
-                    if (roads.lane.before_first[origin] < roads.lane.before_end[origin])
-                    else -1
-                )
-                if origin_station - half < 0.0 and before >= 0:
+                first, end = roads.lane.before_first[origin], roads.lane.before_end[origin]
+                if origin_station - half < 0.0 and first < end:
+                    before = roads.before[first]
                     add_body(occupancy, before, origin_station + roads.lane.length_m[before], half, speed, v)
 
 
@@ -163,17 +149,15 @@ def sort_bodies(occupancy: Occupancy) -> None:
     first, order, count = occupancy.first, occupancy.order, occupancy.used[0]
     first[:] = 0
     for k in range(count):
-        first[occupancy.body.lane[k] + 1] += 1
-    for lane in range(len(first) - 1):
-        first[lane + 1] += first[lane]
-    # Insertion into each lane's stretch: lanes hold few bodies.
+        first[occupancy.body.lane[k]] += 1
+    for lane in range(1, len(first)):
+        first[lane] += first[lane - 1]
+    # Each lane's end moves down to its beginning, one body at a time.
     for k in range(count - 1, -1, -1):
         lane = occupancy.body.lane[k]
-        first[lane + 1] -= 1
-        order[first[lane + 1]] = k
-    for lane in range(len(first) - 1):
-        first[lane] = first[lane + 1]
-    first[len(first) - 1] = count
+        first[lane] -= 1
+        order[first[lane]] = k
+    # Insertion into each lane's stretch: lanes hold few bodies.
     for lane in range(len(first) - 1):
         for i in range(first[lane] + 1, first[lane + 1]):
             row = order[i]

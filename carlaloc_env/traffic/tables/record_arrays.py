@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence, Sized
 from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -49,7 +50,19 @@ def fill(kind: type[T], rows: int, /, **values: Any) -> T:
     return table
 
 
-def starts(rows: list[list[Any]]) -> Index:
+def packed(kind: type[T], rows: Sequence[Sequence[Any]]) -> tuple[Index, T]:
+    """Where each of N rows of records begins (N + 1,), and a table of all records laid end to end.
+
+    Args:
+        kind: Class of the table; a record has its columns in their order.
+        rows: Records of each row.
+    """
+    flat = [record for row in rows for record in row]
+    values = {name: [record[k] for record in flat] for k, name in enumerate(get_type_hints(kind))}
+    return starts(rows), fill(kind, len(flat), **values)
+
+
+def starts(rows: Sequence[Sized]) -> Index:
     """Where each of N rows of different length begins when they are laid end to end, (N + 1,)."""
     first = np.zeros(len(rows) + 1, np.int64)
     first[1:] = np.cumsum([len(row) for row in rows])
@@ -65,13 +78,13 @@ def to_arrays(group: tuple[Any, ...], prefix: str = "") -> Arrays:
     """
     arrays: Arrays = {}
     for name, value in zip(type(group)._fields, group, strict=True):  # type: ignore[attr-defined]
-        own = f"{prefix}{name}"
+        path = f"{prefix}{name}"
         if isinstance(value, tuple):
-            arrays |= to_arrays(value, f"{own}/")
+            arrays |= to_arrays(value, f"{path}/")
         elif value.dtype.names is not None:
-            arrays |= {f"{own}/{column}": value[column] for column in value.dtype.names}
+            arrays |= {f"{path}/{column}": value[column] for column in value.dtype.names}
         else:
-            arrays[own] = value
+            arrays[path] = value
     return arrays
 
 
@@ -88,12 +101,12 @@ def from_arrays(kind: type[T], arrays: Arrays, prefix: str = "") -> T:
     """
     values: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
-        own = f"{prefix}{name}"
-        if own in arrays:
-            values[name] = arrays[own].copy()
+        path = f"{prefix}{name}"
+        if path in arrays:
+            values[name] = arrays[path].copy()
         elif hasattr(hint, "_fields"):
-            values[name] = from_arrays(hint, arrays, f"{own}/")
+            values[name] = from_arrays(hint, arrays, f"{path}/")
         else:
-            column = {column: arrays[f"{own}/{column}"] for column in get_type_hints(hint)}
+            column = {column: arrays[f"{path}/{column}"] for column in get_type_hints(hint)}
             values[name] = fill(hint, len(next(iter(column.values()))), **column)
     return kind(**values)

@@ -57,6 +57,15 @@ def empty_requests(vehicles: int, lanes: int) -> Requests:
 
 
 @compiled
+def swap_requests(queue: RequestQueue, a: int, b: int) -> None:
+    """Exchange two rows of the queue."""
+    queue.vehicle[a], queue.vehicle[b] = queue.vehicle[b], queue.vehicle[a]
+    queue.hop[a], queue.hop[b] = queue.hop[b], queue.hop[a]
+    queue.distance_m[a], queue.distance_m[b] = queue.distance_m[b], queue.distance_m[a]
+    queue.urgency[a], queue.urgency[b] = queue.urgency[b], queue.urgency[a]
+
+
+@compiled
 def list_holders(requests: Requests, fleet: Fleet) -> None:
     """Sort all holders by lane; writes `holder_first` (N + 1,) and `holder`."""
     first = requests.holder_first
@@ -65,22 +74,16 @@ def list_holders(requests: Requests, fleet: Fleet) -> None:
     for v in range(rows):
         for k in range(slots):
             if fleet.held_lane[v, k] >= 0:
-                first[fleet.held_lane[v, k] + 1] += 1
-    for lane in range(len(first) - 1):
-        first[lane + 1] += first[lane]
+                first[fleet.held_lane[v, k]] += 1
+    for lane in range(1, len(first)):
+        first[lane] += first[lane - 1]
+    # Each lane's end moves down to its beginning, one holder at a time.
     for v in range(rows - 1, -1, -1):
         for k in range(slots - 1, -1, -1):
             lane = fleet.held_lane[v, k]
             if lane >= 0:
-                first[lane + 1] -= 1
-                requests.holder[first[lane + 1]] = v * HELD + k
-    total = 0
-    for v in range(rows):
-        for k in range(slots):
-            total += fleet.held_lane[v, k] >= 0
-    for lane in range(len(first) - 1):
-        first[lane] = first[lane + 1]
-    first[len(first) - 1] = total
+                first[lane] -= 1
+                requests.holder[first[lane]] = v * HELD + k
 
 
 @compiled

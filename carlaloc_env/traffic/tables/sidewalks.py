@@ -10,8 +10,9 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geometry.point_tree import point_tree
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.records import Crosswalk
+from carlaloc_env.traffic.tables.crosswalk_tables import Crossings
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.record_arrays import columns, fill, starts
+from carlaloc_env.traffic.tables.record_arrays import columns, fill, packed, starts
 from carlaloc_env.traffic.tables.sidewalk_tables import (
     CROSSWALK,
     SIDEWALK,
@@ -70,9 +71,8 @@ def _sidewalks(network: LaneNetwork) -> list[_Line]:
     tables = network.tables
     for lane in network.lanes:
         if lane.type == "sidewalk" and lane.length_m > _SHORTEST_M:
-            rows = slice(
-                int(tables.first[lane.index]), int(tables.first[lane.index] + tables.count[lane.index])
-            )
+            first = int(tables.first[lane.index])
+            rows = slice(first, first + int(tables.count[lane.index]))
             lines.append(_Line(tables.position_m[rows], tables.width_m[rows], lane.kerb_side))
     return lines
 
@@ -83,7 +83,7 @@ class _SidewalkFinder:
     def __init__(self, lines: list[_Line]) -> None:
         self._points = np.concatenate([line.points_m for line in lines] or [np.zeros((0, 3))])
         self._owner = np.repeat(np.arange(len(lines)), [len(line.points_m) for line in lines])
-        self._first = starts([[0] * len(line.points_m) for line in lines])
+        self._first = starts([line.points_m for line in lines])
         self._lines = lines
         self._tree = point_tree(self._points) if len(self._points) else None
 
@@ -124,29 +124,29 @@ def _packed(
 ) -> WalkerNetwork:
     count = len(lines)
     station = [_stations(line.points_m) for line in lines]
-    row_first = starts([[0] * len(own) for own in station])
+    row_first = starts(station)
     entries: list[list[tuple[float, int, int]]] = [[] for _ in lines]
     for path in range(sidewalks, count):
         for end in range(2):
             entries[landing[path][end]].append((landing_m[path][end], path, end))
-    for own in entries:
-        own.sort()
+    for of_sidewalk in entries:
+        of_sidewalk.sort()
     joins = _joins(lines[:sidewalks])
     joins += [([], []) for _ in range(sidewalks, count)]
     lane_crossings, heads = _lane_crossings(network, roads, lines, numbers, kerbs)
     flat_joins = [ends[k] for ends in joins for k in range(2)]
-    join_starts = starts(flat_joins)
-    entry_starts, crossing_starts = starts(entries), starts(lane_crossings)
+    join_starts, crossing_starts = starts(flat_joins), starts(lane_crossings)
+    entry_starts, entry = packed(CrosswalkEntries, entries)
     paths = fill(
         WalkerPaths,
         count,
         kind=[CROSSWALK if number >= 0 else SIDEWALK for number in numbers],
-        length_m=[own[-1] for own in station],
+        length_m=[along[-1] for along in station],
         own_side=[line.own_side for line in lines],
         demand=np.ones(count),
         row_first=row_first[:-1],
         row_count=np.diff(row_first),
-        row_step_m=[max(own[-1] / (len(own) - 1), 1e-6) for own in station],
+        row_step_m=[max(along[-1] / (len(along) - 1), 1e-6) for along in station],
         kerb_m=np.array(kerbs).reshape(-1, 2),
         entry_first=entry_starts[:-1],
         entry_end=entry_starts[1:],
@@ -160,19 +160,12 @@ def _packed(
         rows.position_m[...] = np.concatenate([line.points_m for line in lines])
         rows.width_m[...] = np.concatenate([line.width_m for line in lines])
         rows.tangent[...] = np.concatenate([_tangents(line.points_m) for line in lines])
-    flat_entries = [entry for own in entries for entry in own]
-    flat_crossings = [item for own in lane_crossings for item in own]
+    flat_crossings = [item for crossings in lane_crossings for item in crossings]
     head_starts = starts([heads[item[0]] for item in flat_crossings])
     return WalkerNetwork(
         path=paths,
         row=rows,
-        entry=fill(
-            CrosswalkEntries,
-            len(flat_entries),
-            station_m=[entry[0] for entry in flat_entries],
-            crosswalk=[entry[1] for entry in flat_entries],
-            end=[entry[2] for entry in flat_entries],
-        ),
+        entry=entry,
         lane_crossing=fill(
             LaneCrossings,
             len(flat_crossings),
@@ -182,8 +175,8 @@ def _packed(
             head_first=head_starts[:-1],
             head_end=head_starts[1:],
         ),
-        join_path=np.array([path for own in flat_joins for path, _ in own], dtype=np.int64),
-        join_end=np.array([end for own in flat_joins for _, end in own], dtype=np.int64),
+        join_path=np.array([path for ends in flat_joins for path, _ in ends], dtype=np.int64),
+        join_end=np.array([end for ends in flat_joins for _, end in ends], dtype=np.int64),
         landing=np.array(landing, dtype=np.int64).reshape(-1, 2),
         landing_m=np.array(landing_m, dtype=np.float64).reshape(-1, 2),
         head=np.array([head for item in flat_crossings for head in heads[item[0]]], dtype=np.int64),
@@ -201,14 +194,11 @@ def _joins(lines: list[_Line]) -> list[tuple[list[tuple[int, int]], list[tuple[i
         return []
     ends = np.array([line.points_m[k] for line in lines for k in (0, -1)])
     near = point_tree(ends).query_ball_point(ends, _JOIN_M)
-    joins: list[tuple[list[tuple[int, int]], list[tuple[int, int]]]] = []
-    for path in range(len(lines)):
-        own: list[list[tuple[int, int]]] = []
-        for end in range(2):
-            others = sorted(k for k in near[2 * path + end] if k // 2 != path)
-            own.append([(k // 2, k % 2) for k in others])
-        joins.append((own[0], own[1]))
-    return joins
+
+    def met(end: int) -> list[tuple[int, int]]:
+        return [divmod(k, 2) for k in sorted(near[end]) if k // 2 != end // 2]
+
+    return [(met(2 * path), met(2 * path + 1)) for path in range(len(lines))]
 
 
 def _lane_crossings(
@@ -226,21 +216,21 @@ def _lane_crossings(
     lane_crossings: list[list[tuple[int, float, float]]] = []
     heads: dict[int, list[int]] = {}
     for path in range(len(lines)):
-        own = []
+        of_path = []
         for row in of_crosswalk.get(numbers[path], []) if numbers[path] >= 0 else []:
             near, far = _span(network, network.crosswalks[numbers[path]], crossing, row, kerbs[path])
-            own.append((row, near, far))
-            heads[row] = _holding_heads(network, roads, int(crossing.lane[row]), float(crossing.enter_m[row]))
-        lane_crossings.append(own)
+            of_path.append((row, near, far))
+            heads[row] = _holding_heads(network, int(crossing.lane[row]), float(crossing.enter_m[row]))
+        lane_crossings.append(of_path)
     return lane_crossings, heads
 
 
 def _span(
-    network: LaneNetwork, crosswalk: Crosswalk, crossing: object, row: int, kerb_m: tuple[float, float]
+    network: LaneNetwork, crosswalk: Crosswalk, crossing: Crossings, row: int, kerb_m: tuple[float, float]
 ) -> tuple[float, float]:
     """Stations of the path between which it crosses a lane [m]."""
-    lane = int(crossing.lane[row])  # type: ignore[attr-defined]
-    middle = 0.5 * float(crossing.enter_m[row] + crossing.leave_m[row])  # type: ignore[attr-defined]
+    lane = int(crossing.lane[row])
+    middle = 0.5 * float(crossing.enter_m[row] + crossing.leave_m[row])
     point = network.pose([lane], [middle]).position_m[0, :2]
     path = crosswalk.end_m[:2] - crosswalk.start_m[:2]
     length = float(np.hypot(path[0], path[1]))
@@ -249,11 +239,11 @@ def _span(
     return at - half, at + half
 
 
-def _holding_heads(network: LaneNetwork, roads: Roads, lane: int, enter_m: float) -> list[int]:
-    """Lights whose stop line on the lane lies before the crosswalk, or on the lanes before it, close by."""
-    found = []
-    for index, head in enumerate(network.signals):
-        for own, stop in zip(head.lanes, head.stop_station_m, strict=True):
-            if own == lane and -2.0 < enter_m - stop < 15.0:
-                found.append(index)
-    return found
+def _holding_heads(network: LaneNetwork, lane: int, enter_m: float) -> list[int]:
+    """Lights whose stop line on the lane lies close before the crosswalk."""
+    return [
+        index
+        for index, head in enumerate(network.signals)
+        for held, stop in zip(head.lanes, head.stop_station_m, strict=True)
+        if held == lane and -2.0 < enter_m - stop < 15.0
+    ]

@@ -30,9 +30,9 @@ def allowed_speeds(network: LaneNetwork) -> Array:
     last = tables.first + tables.count - 1
     # Backward pass: one sweep over samples of equal index before their lane's end.
     for back in range(1, int(tables.count.max())):
-        own = tables.count > back
-        rows = last[own] - back
+        long = tables.count > back
+        rows = last[long] - back
         entry_mps = allowed[rows + 1]
-        brake = np.sqrt(entry_mps * entry_mps + 2.0 * COMFORT_BRAKING_MPS2 * tables.step_m[own])
+        brake = np.sqrt(entry_mps * entry_mps + 2.0 * COMFORT_BRAKING_MPS2 * tables.step_m[long])
         allowed[rows] = np.minimum(allowed[rows], brake)
     return np.ascontiguousarray(allowed)

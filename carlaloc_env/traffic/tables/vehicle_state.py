@@ -10,8 +10,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns
 
+STEP_S = STEP_NS / 1e9
+"""One step [s]."""
+STANDING_MPS = 0.1
+"""Slower than this, a vehicle stands [m/s]."""
 PLAN = 12
 """Lanes that a plan holds, the present one first."""
 PAST = 3
@@ -92,7 +97,7 @@ class Fleet:
     waited_s: Array
     """Time for which it has stood [s], (N + 1,)."""
     goes_first_s: Array
-    """Time left for which it goes before those that stand, having waited in a junction [s], (N + 1,)."""
+    """Time left in which it moves before vehicles that stand, having waited in a junction [s], (N + 1,)."""
     stopped_s: Array
     """Time for which it has stood at the stop sign before it [s], (N + 1,)."""
     goals: Annotated[Index, GOALS]
@@ -138,11 +143,8 @@ class Fleet:
 def empty_fleet(count: int) -> Fleet:
     """Empty state of N vehicles and the ego, (N + 1,); no vehicle is on a lane yet."""
     fleet = columns(Fleet, count + 1)
-    for lanes in (fleet.plan, fleet.past, fleet.goals, fleet.held_lane):
-        lanes[...] = -1
+    for column in (fleet.plan, fleet.past, fleet.goals, fleet.held_lane, fleet.leader, fleet.blocker):
+        column[...] = -1
     fleet.change[:] = 1.0
-    fleet.leader[:] = -1
-    fleet.blocker[:] = -1
-    fleet.gap_m[:] = np.inf
-    fleet.stop_gap_m[:] = np.inf
+    fleet.gap_m[:] = fleet.stop_gap_m[:] = np.inf
     return fleet

@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Annotated
 
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.traffic.tables.record_arrays import Flags
 
-STEP_S = STEP_NS / 1e9
-"""One step [s]."""
 RADIUS_M = 0.3
 """Half the width of a walker [m]."""
 

@@ -15,7 +15,7 @@ from carlaloc_env.traffic.tables.vehicle_state import Drivers
 HARD_BRAKING_MPS2 = 8.0
 """Hardest braking on a dry road [m/s²]."""
 FREE_MPS = 40.0
-"""Desired speed of a follower whose own is not asked for [m/s]: so high that the gap alone decides. At town
+"""Desired speed that other drivers are taken to have [m/s]: so high that the gap alone decides. At town
 speeds the free-road term of IDM+, 1 − (v/40)⁴, is within 2 % of 1."""
 
 

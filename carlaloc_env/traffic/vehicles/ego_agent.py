@@ -145,16 +145,8 @@ def add_ego(occupancy: Occupancy, cells: LaneCells, roads: Roads, fleet: Fleet, 
     steps = int(range_m) + 1
     for k in range(steps):
         ahead = ego.half_length_m + range_m * k / steps
-        _reserve_ahead(
-            cells,
-            roads,
-            fleet,
-            me,
-            ego,
-            ego.x_m + ahead * ego.cos,
-            ego.y_m + ahead * ego.sin,
-            ahead,
-        )
+        x, y = ego.x_m + ahead * ego.cos, ego.y_m + ahead * ego.sin
+        _reserve_ahead(cells, roads, fleet, me, ego, x, y, ahead)
 
 
 @compiled
@@ -162,12 +154,7 @@ def _cell_range(cells: LaneCells, x: float, y: float) -> tuple[int, int, int, in
     """Cells around a point (x, y) [m]: first and end column, first and end row."""
     i = int(np.floor((x - cells.corner_m[0]) / CELL_M))
     j = int(np.floor((y - cells.corner_m[1]) / CELL_M))
-    return (
-        max(i - 1, 0),
-        min(i + 2, int(cells.size[0])),
-        max(j - 1, 0),
-        min(j + 2, int(cells.size[1])),
-    )
+    return max(i - 1, 0), min(i + 2, int(cells.size[0])), max(j - 1, 0), min(j + 2, int(cells.size[1]))
 
 
 @compiled
@@ -188,19 +175,11 @@ def _occupy_lanes(
                 c, s = roads.row.tangent[row, 0], roads.row.tangent[row, 1]
                 dx, dy = ego.x_m - roads.row.position_m[row, 0], ego.y_m - roads.row.position_m[row, 1]
                 along, across = dx * c + dy * s, dy * c - dx * s
-                cos, sin = (
-                    abs(c * ego.cos + s * ego.sin),
-                    abs(c * ego.sin - s * ego.cos),
-                )
+                cos, sin = abs(c * ego.cos + s * ego.sin), abs(c * ego.sin - s * ego.cos)
                 if abs(along) > ego.half_length_m * cos + ego.half_width_m * sin:
                     continue
-                if (
-                    abs(across)
-                    > 0.5 * roads.row.width_m[row]
-                    + ego.half_length_m * sin
-                    + ego.half_width_m * cos
-                    - _OVERLAP_M
-                ):
+                side = 0.5 * roads.row.width_m[row] + ego.half_length_m * sin + ego.half_width_m * cos
+                if abs(across) > side - _OVERLAP_M:
                     continue
                 known = 0
                 while known < found and lanes[known] != lane:

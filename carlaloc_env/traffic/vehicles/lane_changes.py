@@ -10,19 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.hash_random import hash_uniform
+from carlaloc_env.traffic.tables.hash_random import happens
 from carlaloc_env.traffic.tables.lane_geometry import centre_at, station_beside, width_at
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
 from carlaloc_env.traffic.tables.reservations import drop_holds_ahead
-from carlaloc_env.traffic.tables.vehicle_state import PAST, REFUSED_ROOM, DriverParameters, Drivers, Fleet
+from carlaloc_env.traffic.tables.vehicle_state import (
+    PAST,
+    REFUSED_ROOM,
+    STEP_S,
+    DriverParameters,
+    Drivers,
+    Fleet,
+)
 from carlaloc_env.traffic.vehicles.lane_plans import change_goal, find_goal_path, plan_ahead
 from carlaloc_env.traffic.vehicles.mobil import is_safe, mobil_incentive
 
-STEP_S = STEP_NS / 1e9
-"""One step [s]."""
 DECIDE_EVERY = 10
 """Steps between two decisions about a lane change: 0.5 s; ours."""
 THRESHOLD_MPS2 = 0.15
@@ -193,12 +197,9 @@ def _incentive_side(
             continue
         path = find_goal_path(roads, target, fleet.goals[v, 0])
         probability = parameters.random_left if side > 0 else parameters.random_right
-        random_change = (
-            probability > 0.0
-            and hash_uniform(parameters.seed, _DRAW_LEFT if side > 0 else _DRAW_RIGHT, v, step // 40)
-            < probability
-        )
-        if random_change and (path >= 0 or roads.lane.lasting[target]):
+        purpose = _DRAW_LEFT if side > 0 else _DRAW_RIGHT
+        changes_lane = happens(probability, parameters.seed, purpose, v, step // 40)
+        if changes_lane and (path >= 0 or roads.lane.lasting[target]):
             return side
         if fleet.goals[v, 0] >= 0:
             if path < 0:

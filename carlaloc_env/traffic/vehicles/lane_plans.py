@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
+from carlaloc_env.traffic.tables.conflict_zones import TURN_RAD
 from carlaloc_env.traffic.tables.hash_random import hash_uniform
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.vehicle_state import GOALS, HELD, PLAN, Fleet
 
 ROOM_PER_CHANGE_M = 70.0
 """A path is chosen only if there is that much room for each of its lane changes [m]."""
-_TURN_RAD = 0.5
-"""Change of heading from which a junction lane is a turn [rad]."""
 _U_TURN_RAD = 2.6
 """Change of heading from which it is a U-turn [rad]."""
 _ACROSS_WEIGHT = 0.4
@@ -23,8 +22,8 @@ _U_TURN_WEIGHT = 0.05
 _CROWDED = 0.15
 """Fraction of a stretch taken by vehicles at which only half as many choose to go there."""
 _QUEUE, _WAITING_MPS, _SERVED = 0.6, 3.0, 0.3
-"""Queue at which only half as many choose to join; who waits is slower; where it counts singly lights are
-open for that fraction of the time."""
+"""Queue at which only half as many choose to join; speed below which a vehicle waits; fraction of time with
+open lights at which each waiting vehicle counts as one."""
 _DRAW_TURN = 1
 """Purpose of the draw for a goal."""
 _DRAW_EXIT = 2
@@ -69,11 +68,8 @@ def choose_goal(roads: Roads, density: Array, lane: int, station_m: float, unifo
                 continue
             weight = 1.0 / (1.0 + changes)
             weight *= _turn_weight(roads.lane.kerb_side[goal] * roads.lane.turn_rad[goal])
-            exit_lane = (
-                roads.after[roads.lane.after_first[goal]]
-                if (roads.lane.after_first[goal] < roads.lane.after_end[goal])
-                else goal
-            )
+            first = roads.lane.after_first[goal]
+            exit_lane = roads.after[first] if first < roads.lane.after_end[goal] else goal
             weight *= roads.lane.demand[exit_lane]
             fullness = density[roads.lane.stretch[exit_lane]] / _CROWDED
             weight /= 1.0 + fullness * fullness * fullness * fullness
@@ -95,9 +91,9 @@ def _turn_weight(turn_rad: float) -> float:
     """How often a turn is chosen that is positive towards the kerb, straight on = 1."""
     if abs(turn_rad) > _U_TURN_RAD:
         return _U_TURN_WEIGHT
-    if turn_rad < -_TURN_RAD:
+    if turn_rad < -TURN_RAD:
         return _ACROSS_WEIGHT
-    return _KERB_WEIGHT if turn_rad > _TURN_RAD else 1.0
+    return _KERB_WEIGHT if turn_rad > TURN_RAD else 1.0
 
 
 @compiled
@@ -137,9 +133,8 @@ def plan_ahead(roads: Roads, density: Array, fleet: Fleet, v: int, seed: int) ->
                         path = find_goal_path(roads, lane, goals[v, goal_index])
                     following = roads.path.onward[path] if path >= 0 else -1
             else:
-                following = _any_lasting(
-                    roads, lane, hash_uniform(seed, _DRAW_EXIT, v, serial * 65536 + lane)
-                )
+                uniform = hash_uniform(seed, _DRAW_EXIT, v, serial * 65536 + lane)
+                following = _any_lasting(roads, lane, uniform)
         plan[v, hop] = following
 
 
@@ -174,14 +169,12 @@ def advance_goals(fleet: Fleet, v: int) -> None:
 def change_goal(roads: Roads, density: Array, fleet: Fleet, v: int, seed: int) -> bool:
     """Replace a goal of vehicle v that takes lane changes by one that takes none; False without one."""
     lane = fleet.plan[v, 0]
-    uniform = hash_uniform(
-        seed, _DRAW_TURN, v, 1_000_003 * (fleet.draws[v] + 1) + int(10.0 * fleet.waited_s[v])
-    )
+    serial = 1_000_003 * (fleet.draws[v] + 1) + int(10.0 * fleet.waited_s[v])
+    uniform = hash_uniform(seed, _DRAW_TURN, v, serial)
     goal = choose_goal(roads, density, lane, fleet.station_m[v], uniform, True)
     if goal < 0:
         return False
-    for k in range(GOALS):
-        fleet.goals[v, k] = -1
+    fleet.goals[v, :] = -1
     fleet.goals[v, 0] = goal
     plan_ahead(roads, density, fleet, v, seed)
     return True
@@ -194,7 +187,7 @@ def measure_density(
     """Density of every stretch, and queue before every junction lane; writes `density`, (lanes,).
 
     For stretches the fraction of their lanes that vehicles and their gaps would cover standing; for junction
-    lanes the number of those who wait for them, more where the lights are seldom open.
+    lanes the number of vehicles that wait for them, more where the lights are seldom open.
     """
     density[:] = 0.0
     for v in range(count):

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.lane_geometry import station_beside, width_at
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet
+from carlaloc_env.traffic.tables.vehicle_state import STEP_S, Drivers, Fleet
 
-STEP_S = STEP_NS / 1e9
-"""One step [s]."""
 _FULL_PACE_MPS = 4.0
 """Below this speed lane changes take longer in proportion [m/s]."""
 _BEFORE_LINE_M = 2.0
@@ -44,9 +41,8 @@ def move_laterally(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> 
             origin = roads.lane.left[lane] if side > 0 else roads.lane.right[lane]
             if origin >= 0:
                 origin_station = station_beside(roads, lane, station, origin)
-                fleet.spacing_m[v] = 0.5 * (
-                    width_at(roads, lane, station) + width_at(roads, origin, origin_station)
-                )
+                width = width_at(roads, lane, station)
+                fleet.spacing_m[v] = 0.5 * (width + width_at(roads, origin, origin_station))
             left = 1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
             target = base + side * fleet.spacing_m[v] * left
             if t >= 1.0:

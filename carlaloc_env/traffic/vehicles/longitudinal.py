@@ -5,33 +5,37 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.hash_random import hash_uniform
+from carlaloc_env.traffic.tables.hash_random import happens
 from carlaloc_env.traffic.tables.lane_geometry import allowed_at, station_beside
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy, index_after, on_origin
 from carlaloc_env.traffic.tables.speed_profile import COMFORT_BRAKING_MPS2
-from carlaloc_env.traffic.tables.vehicle_state import HELD, PAST, PLAN, DriverParameters, Drivers, Fleet
+from carlaloc_env.traffic.tables.vehicle_state import (
+    HELD,
+    PAST,
+    PLAN,
+    STANDING_MPS,
+    STEP_S,
+    DriverParameters,
+    Drivers,
+    Fleet,
+)
 from carlaloc_env.traffic.vehicles.car_following import FREE_MPS, follow, idm_plus
 from carlaloc_env.traffic.vehicles.lane_plans import advance_goals, plan_ahead
 from carlaloc_env.traffic.vehicles.neighbours import find_ahead, find_beside, find_leader
 
-STEP_S = STEP_NS / 1e9
-"""One step [s]."""
 _COURTEOUS_BRAKING_MPS2 = 1.5
 """Braking with which drivers make room for others at most [m/s²]."""
 _LETS_IN_RANGE_M = 45.0
 """Distance within which a driver lets a vehicle in that indicates [m]."""
-_BEHIND_M = 0.5
+_ALONGSIDE_M = 0.5
 """A vehicle closer behind than this is alongside, and drives on [m]."""
 _LETS_IN_S = 4.0
 """A driver who has stood longer lets no vehicle in [s]."""
 _FITS_IN_MPS = 2.0
 """Faster than this, a driver adapts to the gap beside [m/s]."""
-_STANDING_MPS = 0.1
-"""Slower than this, a vehicle stands [m/s]."""
-_DRAW_IGNORE = 22
+_DRAW_IGNORE_VEHICLES = 22
 """Purpose of the draw for ignored vehicles."""
 
 
@@ -65,10 +69,7 @@ def follow_leaders(
                 if owner >= 0 and other < gap:
                     gap, leader_speed = other, other_speed
         second = (step + v) // 20
-        if (
-            parameters.ignore_vehicles > 0.0
-            and hash_uniform(parameters.seed, _DRAW_IGNORE, v, second) < parameters.ignore_vehicles
-        ):
+        if happens(parameters.ignore_vehicles, parameters.seed, _DRAW_IGNORE_VEHICLES, v, second):
             gap = np.inf
         desired_mps = min(_allowed(roads, fleet, v) * drivers.speed_factor[v], drivers.top_mps[v])
         desired_mps2[v] = follow(drivers, v, speed, desired_mps, gap, leader_speed)
@@ -116,7 +117,7 @@ def make_room_for_changes(
             fit = follow(drivers, v, speed, max(speed, 1.0), max(gap, 0.5), front_speed)
             desired_mps2[v] = min(desired_mps2[v], max(fit, -_COURTEOUS_BRAKING_MPS2))
         # A vehicle alongside drives on: waiting there would keep the gap closed for both.
-        sees = 0 <= back < count and _BEHIND_M < back_gap < _LETS_IN_RANGE_M
+        sees = 0 <= back < count and _ALONGSIDE_M < back_gap < _LETS_IN_RANGE_M
         if sees and fleet.waited_s[back] < _LETS_IN_S:
             let = follow(drivers, back, back_speed, FREE_MPS, back_gap, speed)
             desired_mps2[back] = min(desired_mps2[back], max(let, -_COURTEOUS_BRAKING_MPS2))
@@ -160,10 +161,10 @@ def integrate_motion(fleet: Fleet, desired_mps2: Array, count: int) -> None:
         fleet.acceleration_mps2[v], fleet.speed_mps[v] = a, after
         fleet.station_m[v] += distance
         fleet.travelled_m[v] += distance
-        fleet.waited_s[v] = fleet.waited_s[v] + STEP_S if after < _STANDING_MPS else 0.0
+        fleet.waited_s[v] = fleet.waited_s[v] + STEP_S if after < STANDING_MPS else 0.0
         if not fleet.at_stop_sign[v]:
             fleet.stopped_s[v] = 0.0
-        elif after < _STANDING_MPS:
+        elif after < STANDING_MPS:
             fleet.stopped_s[v] += STEP_S
         for k in range(HELD):
             if fleet.held_lane[v, k] >= 0:

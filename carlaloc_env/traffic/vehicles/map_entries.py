@@ -16,11 +16,11 @@ from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet
 from carlaloc_env.traffic.vehicles.lane_plans import plan_ahead
 from carlaloc_env.traffic.vehicles.neighbours import find_ahead
 
-_BEHIND_M = 0.5
+_TAIL_M = 0.5
 """Distance from an entrance at which a vehicle's tail comes in [m]."""
-_ROOM_M = 8.0
+_ENTRY_ROOM_M = 8.0
 """Room that it needs ahead there [m]."""
-_ROOM_S = 2.0
+_ENTRY_ROOM_S = 2.0
 """Further room in driving time [s]."""
 _DRAW_ENTRANCE = 13
 """Purpose of the draw for an entrance."""
@@ -85,8 +85,8 @@ def _has_room(
     if taken[entrance] == step:
         return False
     half = 0.5 * drivers.length_m[v]
-    _, gap, _ = find_ahead(occupancy, roads, entrance, occupancy.first[entrance], half + _BEHIND_M, v, half)
-    return bool(gap > _ROOM_M + _ROOM_S * fleet.speed_mps[v])
+    _, gap, _ = find_ahead(occupancy, roads, entrance, occupancy.first[entrance], half + _TAIL_M, v, half)
+    return bool(gap > _ENTRY_ROOM_M + _ENTRY_ROOM_S * fleet.speed_mps[v])
 
 
 @compiled
@@ -99,7 +99,7 @@ def _place_at_entrance(
     fleet.goals[v, :] = -1
     fleet.held_lane[v, :] = -1
     fleet.plan[v, 0] = entrance
-    fleet.station_m[v] = 0.5 * drivers.length_m[v] + _BEHIND_M
+    fleet.station_m[v] = 0.5 * drivers.length_m[v] + _TAIL_M
     fleet.speed_mps[v] = min(
         fleet.speed_mps[v], allowed_at(roads, entrance, fleet.station_m[v]) * drivers.speed_factor[v]
     )

@@ -12,7 +12,7 @@ from carlaloc_env.traffic.tables.vehicle_state import PLAN, Fleet
 
 @compiled
 def first_on(occupancy: Occupancy, lane: int, start: int, v: int) -> int:
-    """First body of a lane, from an index in `order` on, that is not v's own, −1 if none."""
+    """First body of a lane, from an index in `order` on, that does not belong to v, −1 if none."""
     for index in range(start, occupancy.first[lane + 1]):
         if occupancy.body.owner[occupancy.order[index]] != v:
             return int(occupancy.order[index])
@@ -103,7 +103,7 @@ def find_behind(
 
 @compiled
 def _last_on(occupancy: Occupancy, lane: int, v: int) -> int:
-    """Last body of a lane that is not v's own, −1 if none."""
+    """Last body of a lane that does not belong to v, −1 if none."""
     for index in range(occupancy.first[lane + 1] - 1, occupancy.first[lane] - 1, -1):
         if occupancy.body.owner[occupancy.order[index]] != v:
             return int(occupancy.order[index])

@@ -19,7 +19,7 @@ from carlaloc_env.traffic.tables.lane_geometry import station_beside
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy, on_origin
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
-from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, Drivers, Fleet
+from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, STANDING_MPS, Drivers, Fleet
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -38,20 +38,18 @@ _RANGE_S = 4.0
 """Further distance in driving time [s]."""
 _STOP_BEFORE_M = 1.5
 """Gap to a shared piece before which vehicles stop [m]."""
-_ROOM_M = 2.0
+_PIECE_ROOM_M = 2.0
 """Pieces with less room between them, beside the vehicle's length, are entered as one [m]."""
-_BRAKES_MPS2 = 3.5
+_BRAKES_FIRST_MPS2 = 3.5
 """A vehicle that would have to brake harder goes first [m/s²]."""
 _EGO_RANGE_S = 2.0
 """Driving time ahead within which shared pieces are kept free for the ego [s]."""
 _PATIENCE = 0.2
 """How much sooner a waiting vehicle counts as arriving, per second of waiting."""
 _STUCK_S = 60.0
-"""A vehicle that has waited longer goes before one that stands in the piece [s]."""
-_STANDING_MPS = 0.1
-"""Slower than this, a vehicle stands [m/s]."""
+"""A vehicle that has waited longer goes before a vehicle that stands in the piece [s]."""
 _ROWS = 2048
-"""Rows that are made for approaches at first; `missing_approaches` says when they do not suffice."""
+"""Rows that are made for approaches at first."""
 
 
 class SharedPieces:
@@ -99,15 +97,10 @@ def empty_approaches(vehicles: int, rows: int = _ROWS) -> Approaches:
     return Approaches(columns(ApproachRows, rows), np.full(vehicles, np.inf), np.zeros(1, np.int64))
 
 
-def missing_approaches(approaches: Approaches) -> int:
-    """Number of approaches that found no row when they were gathered last."""
-    return max(int(approaches.used[0]) - len(approaches.entry.row), 0)
-
-
 def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: Links) -> Overlaps:
     """Where driving lanes of different roads lie on each other at the same level.
 
-    Lanes of one junction have zones of their own, and lanes that one drives one after the other do not count.
+    Lanes of one junction have their own zones, and lanes that follow each other do not count.
     """
     tables = network.tables
     owner = np.repeat(np.arange(len(tables.count)), tables.count)
@@ -127,7 +120,7 @@ def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: 
             continue
         found[a].append((float(at_a.min()), float(at_a.max()), (a, b)))
         found[b].append((float(at_b.min()), float(at_b.max()), (b, a)))
-    flat = [piece for own in found for piece in sorted(own)]
+    flat = [piece for pieces in found for piece in sorted(pieces)]
     number = {key: k for k, (_, _, key) in enumerate(flat)}
     piece = fill(
         SharedPieces,
@@ -237,9 +230,8 @@ def gather_approaches(
         if occupancy.body.owner[k] == count:
             range_m = _EGO_RANGE_S * occupancy.body.speed_mps[k]
             lane, begins = occupancy.body.lane[k], -occupancy.body.centre_m[k]
-            _add_lane(
-                approaches, overlaps, count, lane, begins, occupancy.body.half_m[k], range_m, -np.inf, -np.inf
-            )
+            half = occupancy.body.half_m[k]
+            _add_lane(approaches, overlaps, count, lane, begins, half, range_m, -np.inf, -np.inf)
 
 
 @compiled
@@ -264,7 +256,7 @@ def _add_lane(
     """
     for row in range(overlaps.first[lane], overlaps.first[lane + 1]):
         enter, leave = begins_m + overlaps.piece.enter_m[row], begins_m + overlaps.piece.leave_m[row]
-        if enter > ends_m + 2.0 * half_m + _ROOM_M:
+        if enter > ends_m + 2.0 * half_m + _PIECE_ROOM_M:
             begun_m, ends_m = enter, leave
         ends_m = max(ends_m, leave)
         k = approaches.used[0]
@@ -283,14 +275,14 @@ def _has_priority(fleet: Fleet, me: int, entry: ApproachRows, j: int, k: int) ->
     h, v = entry.vehicle[j], entry.vehicle[k]
     h_distance, distance = entry.to_enter_m[j], entry.to_enter_m[k]
     if h_distance <= 0.0 or h == me:
-        return not (fleet.waited_s[v] > _STUCK_S and fleet.speed_mps[h] < _STANDING_MPS)
+        return not (fleet.waited_s[v] > _STUCK_S and fleet.speed_mps[h] < STANDING_MPS)
     h_speed, speed = fleet.speed_mps[h], fleet.speed_mps[v]
     # A vehicle that stands farther off for another reason does not come.
     led = fleet.leader[h] >= 0 and fleet.leader[h] != v and fleet.gap_m[h] < h_distance
-    if h_speed < _STANDING_MPS and (fleet.stop_gap_m[h] < h_distance - 1.5 or led):
+    if h_speed < STANDING_MPS and (fleet.stop_gap_m[h] < h_distance - 1.5 or led):
         return False
-    h_must = h_speed * h_speed > 2.0 * _BRAKES_MPS2 * max(h_distance - _STOP_BEFORE_M, 0.01)
-    must = speed * speed > 2.0 * _BRAKES_MPS2 * max(distance - _STOP_BEFORE_M, 0.01)
+    h_must = h_speed * h_speed > 2.0 * _BRAKES_FIRST_MPS2 * max(h_distance - _STOP_BEFORE_M, 0.01)
+    must = speed * speed > 2.0 * _BRAKES_FIRST_MPS2 * max(distance - _STOP_BEFORE_M, 0.01)
     if h_must != must:
         return bool(h_must)
     h_comes = h_distance / max(h_speed, 1.0) - _PATIENCE * fleet.waited_s[h]

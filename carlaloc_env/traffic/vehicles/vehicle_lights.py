@@ -7,17 +7,14 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT
+from carlaloc_env.traffic.tables.conflict_zones import TURN_RAD
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.vehicle_state import PLAN, Fleet
+from carlaloc_env.traffic.tables.vehicle_state import PLAN, STANDING_MPS, Fleet
 
 INDICATE_M = 35.0
 """From here on before a turn drivers indicate it [m]."""
-_BRAKES_MPS2 = -0.6
+_BRAKE_LIGHT_MPS2 = -0.6
 """Acceleration below which the brake lights are lit [m/s²]."""
-_STANDS_MPS = 0.1
-"""Speed below which they are lit [m/s]."""
-_TURN_RAD = 0.5
-"""Change of heading of a junction lane from which it is indicated [rad]."""
 
 
 @compiled
@@ -25,7 +22,7 @@ def put_lights(roads: Roads, fleet: Fleet, count: int, lights: NDArray[np.uint8]
     """Write the bits of lit lights (`LIGHT_…` of the timeline) of `count` vehicles to `lights`, (N,)."""
     for v in range(count):
         lit = LIGHT_LOW_BEAM
-        if fleet.acceleration_mps2[v] < _BRAKES_MPS2 or fleet.speed_mps[v] < _STANDS_MPS:
+        if fleet.acceleration_mps2[v] < _BRAKE_LIGHT_MPS2 or fleet.speed_mps[v] < STANDING_MPS:
             lit |= LIGHT_BRAKE
         side = fleet.desired_side[v]
         if side == 0 and fleet.change[v] < 1.0:
@@ -49,6 +46,6 @@ def _turn_side(roads: Roads, fleet: Fleet, v: int) -> int:
             return 0
         if roads.lane.junction[lane] >= 0:
             turn = roads.lane.turn_rad[lane]
-            return 1 if turn > _TURN_RAD else -1 if turn < -_TURN_RAD else 0
+            return 1 if turn > TURN_RAD else -1 if turn < -TURN_RAD else 0
         ahead += roads.lane.length_m[lane]
     return 0

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.crosswalk_tables import WANTED
-from carlaloc_env.traffic.tables.hash_random import hash_uniform
+from carlaloc_env.traffic.tables.hash_random import happens
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.vehicle_state import PLAN, DriverParameters, Drivers, Fleet
 
@@ -19,7 +19,7 @@ _AT_STRIPES_M = 0.7
 """Distance to a crosswalk within which a driver stands at its stripes [m]."""
 _STOOD_S = 5.0
 """A driver who has stood there longer goes before walkers who wait at the kerb [s]."""
-_DRAW_IGNORE = 21
+_DRAW_IGNORE_WALKERS = 21
 """Purpose of the draw for ignored walkers."""
 
 
@@ -45,10 +45,7 @@ def yield_to_walkers(
         step: Number of this step.
     """
     for v in range(count):
-        if (
-            parameters.ignore_walkers > 0.0
-            and hash_uniform(parameters.seed, _DRAW_IGNORE, v, step // 200) < parameters.ignore_walkers
-        ):
+        if happens(parameters.ignore_walkers, parameters.seed, _DRAW_IGNORE_WALKERS, v, step // 200):
             continue
         front, speed = fleet.station_m[v] + 0.5 * drivers.length_m[v], fleet.speed_mps[v]
         range_m = 10.0 + speed * speed / 3.0

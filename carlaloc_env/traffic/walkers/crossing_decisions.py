@@ -49,18 +49,11 @@ def wait_or_go(
 
 
 @compiled
-def _kerb_distance(walker_network: WalkerNetwork, walkers: WalkerState, w: int) -> float:
-    """Distance to the carriageway ahead on a crosswalk's path [m]."""
-    path = walkers.path[w]
-    if walkers.sense[w] > 0:
-        return float(walker_network.path.kerb_m[path, 0] - walkers.station_m[w])
-    return float(walkers.station_m[w] - walker_network.path.kerb_m[path, 1])
-
-
-@compiled
 def _at_kerb(walker_network: WalkerNetwork, walkers: WalkerState, w: int) -> bool:
     """Whether walker w stands at the kerb, or is past it."""
-    return _kerb_distance(walker_network, walkers, w) < _WAIT_BEFORE_M + 0.3
+    kerb_m, station_m = walker_network.path.kerb_m[walkers.path[w]], walkers.station_m[w]
+    to_kerb_m = kerb_m[0] - station_m if walkers.sense[w] > 0 else station_m - kerb_m[1]
+    return bool(to_kerb_m < _WAIT_BEFORE_M + 0.3)
 
 
 @compiled
@@ -75,28 +68,22 @@ def _may_cross(
     w: int,
 ) -> bool:
     """Whether lights hold the traffic for long enough, and vehicles are far away or can stop."""
-    path, pace = walkers.path[w], walkers.pace_mps[w]
-    ego = len(boxes.speed_mps) - 1
-    across = (walker_network.path.kerb_m[path, 1] - walker_network.path.kerb_m[path, 0]) / pace
+    paths, crossings, path = walker_network.path, walker_network.lane_crossing, walkers.path[w]
+    pace, station_m, ego = walkers.pace_mps[w], walkers.station_m[w], len(boxes.speed_mps) - 1
+    across = (paths.kerb_m[path, 1] - paths.kerb_m[path, 0]) / pace
     if _blocked(walker_network, roads, occupancy, path):
         return False
-    for k in range(
-        walker_network.path.lane_crossing_first[path], walker_network.path.lane_crossing_end[path]
-    ):
-        for i in range(walker_network.lane_crossing.head_first[k], walker_network.lane_crossing.head_end[k]):
+    for k in range(paths.lane_crossing_first[path], paths.lane_crossing_end[path]):
+        for i in range(crossings.head_first[k], crossings.head_end[k]):
             head = walker_network.head[i]
             if signals[head] > 1 or (signals[head] == 1 and red_for_s[head] < across + 0.5):
                 return False
-        row = walker_network.lane_crossing.crossing[k]
+        row = crossings.crossing[k]
         lane, enter = roads.crossing.lane[row], roads.crossing.enter_m[row]
-        if walkers.sense[w] > 0:
-            until = walker_network.lane_crossing.far_m[k] - walkers.station_m[w]
-        else:
-            until = walkers.station_m[w] - walker_network.lane_crossing.near_m[k]
+        until = crossings.far_m[k] - station_m if walkers.sense[w] > 0 else station_m - crossings.near_m[k]
         clear = until / pace + _SAFE_S
-        owner, gap, speed = find_behind(
-            occupancy, roads, lane, index_after(occupancy, lane, enter), enter, -1, 0.0
-        )
+        index = index_after(occupancy, lane, enter)
+        owner, gap, speed = find_behind(occupancy, roads, lane, index, enter, -1, 0.0)
         if owner < 0 or gap > speed * clear:
             continue
         if owner == ego or speed * speed > 2.0 * _BRAKE_MPS2 * max(gap - 1.5, 0.05):
@@ -107,9 +94,8 @@ def _may_cross(
 @compiled
 def _blocked(walker_network: WalkerNetwork, roads: Roads, occupancy: Occupancy, path: int) -> bool:
     """Whether a vehicle is on the crosswalk or touches it."""
-    for k in range(
-        walker_network.path.lane_crossing_first[path], walker_network.path.lane_crossing_end[path]
-    ):
+    paths = walker_network.path
+    for k in range(paths.lane_crossing_first[path], paths.lane_crossing_end[path]):
         row = walker_network.lane_crossing.crossing[k]
         lane = roads.crossing.lane[row]
         enter, leave = roads.crossing.enter_m[row], roads.crossing.leave_m[row]
@@ -134,38 +120,33 @@ def claim_crossings(
 
     Writes `taken`, (C,): WANTED or TAKEN.
     """
-    path = walkers.path[w]
-    for k in range(
-        walker_network.path.lane_crossing_first[path], walker_network.path.lane_crossing_end[path]
-    ):
-        if walkers.sense[w] > 0:
-            to_near = walker_network.lane_crossing.near_m[k] - walkers.station_m[w]
-            to_far = walker_network.lane_crossing.far_m[k] - walkers.station_m[w]
-        else:
-            to_near = walkers.station_m[w] - walker_network.lane_crossing.far_m[k]
-            to_far = walkers.station_m[w] - walker_network.lane_crossing.near_m[k]
+    paths, crossings = walker_network.path, walker_network.lane_crossing
+    path, station_m = walkers.path[w], walkers.station_m[w]
+    for k in range(paths.lane_crossing_first[path], paths.lane_crossing_end[path]):
+        to_near, to_far = crossings.near_m[k] - station_m, crossings.far_m[k] - station_m
+        if walkers.sense[w] < 0:
+            to_near, to_far = station_m - crossings.far_m[k], station_m - crossings.near_m[k]
         # A walker held up on the crosswalk keeps the lane free that it stands in, not one it has left.
         held_up = walkers.crossing[w] and walkers.waited_s[w] > _HELD_UP_S
         if to_far < (_LEFT_M if held_up else -0.3) or (held_up and to_near > 0.3):
             continue
         if walkers.crossing[w]:
             if to_near < _CLAIM_S * walkers.pace_mps[w]:
-                taken[walker_network.lane_crossing.crossing[k]] = TAKEN
+                taken[crossings.crossing[k]] = TAKEN
         elif (
             _at_kerb(walker_network, walkers, w)
             and not _has_lights(walker_network, path)
             and not _blocked(walker_network, roads, occupancy, path)
         ):
-            row = walker_network.lane_crossing.crossing[k]
+            row = crossings.crossing[k]
             taken[row] = max(taken[row], WANTED)
 
 
 @compiled
 def _has_lights(walker_network: WalkerNetwork, path: int) -> bool:
     """Whether lights stop the traffic on a lane that a crosswalk's path crosses."""
-    for k in range(
-        walker_network.path.lane_crossing_first[path], walker_network.path.lane_crossing_end[path]
-    ):
-        if walker_network.lane_crossing.head_first[k] < walker_network.lane_crossing.head_end[k]:
+    paths, crossings = walker_network.path, walker_network.lane_crossing
+    for k in range(paths.lane_crossing_first[path], paths.lane_crossing_end[path]):
+        if crossings.head_first[k] < crossings.head_end[k]:
             return True
     return False

@@ -6,7 +6,8 @@ import numpy as np
 
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.sidewalk_tables import WalkerNetwork
-from carlaloc_env.traffic.tables.walker_state import RADIUS_M, STEP_S, VehicleBoxes, WalkerState
+from carlaloc_env.traffic.tables.vehicle_state import STEP_S
+from carlaloc_env.traffic.tables.walker_state import RADIUS_M, VehicleBoxes, WalkerState
 from carlaloc_env.traffic.walkers.vehicle_avoidance import dodge, vehicle_ahead
 
 _AHEAD_M = 1.0
@@ -114,7 +115,7 @@ def _others(
 
     A simple social force after Helbing & Molnár, "Social force model for pedestrian dynamics",
     Phys. Rev. E 51 (1995): repulsion that falls with distance, half as strong from behind, and a
-    step to the own side (−1 right, 1 left) for those who meet head on.
+    step to their side (−1 right, 1 left) for walkers who meet head on.
     """
     px, py, slow = 0.0, 0.0, 1.0
     x, y = walkers.position_m[w, 0], walkers.position_m[w, 1]

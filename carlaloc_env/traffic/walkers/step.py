@@ -11,7 +11,8 @@ from carlaloc_env.traffic.tables.hash_random import hash_uniform
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
 from carlaloc_env.traffic.tables.sidewalk_tables import CROSSWALK, SIDEWALK, WalkerNetwork
-from carlaloc_env.traffic.tables.walker_state import STEP_S, VehicleBoxes, WalkerState
+from carlaloc_env.traffic.tables.vehicle_state import STEP_S
+from carlaloc_env.traffic.tables.walker_state import VehicleBoxes, WalkerState
 from carlaloc_env.traffic.walkers.crossing_decisions import claim_crossings, wait_or_go
 from carlaloc_env.traffic.walkers.steering import move
 
@@ -115,7 +116,7 @@ def _take_crosswalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int,
 
 @compiled
 def _next_sidewalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int, seed: int) -> None:
-    """Let walker w go on to a sidewalk that joins its own, by its demand, or stroll back."""
+    """Let walker w go on to a joining sidewalk, drawn by its demand, or stroll back."""
     path = walkers.path[w]
     end = 1 if walkers.sense[w] > 0 else 0
     first, last = walker_network.path.join_first[path, end], walker_network.path.join_end[path, end]
@@ -134,7 +135,6 @@ def _next_sidewalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int, 
         left -= path_demand[walker_network.join_path[pick]]
         pick += 1
     walkers.path[w] = walker_network.join_path[pick]
-    walkers.sense[w] = 1 if walker_network.join_end[pick] == 0 else -1
-    walkers.station_m[w] = (
-        0.0 if walker_network.join_end[pick] == 0 else walker_network.path.length_m[walkers.path[w]]
-    )
+    from_start = walker_network.join_end[pick] == 0
+    walkers.sense[w] = 1 if from_start else -1
+    walkers.station_m[w] = 0.0 if from_start else walker_network.path.length_m[walkers.path[w]]

@@ -33,13 +33,7 @@ class Walkers:
     the right of the sidewalk, or to the left as cars do, cross at crosswalks and turn where a sidewalk ends.
     """
 
-    def __init__(
-        self,
-        walker_network: WalkerNetwork,
-        count: int,
-        seed: int,
-        drivers: Drivers,
-    ) -> None:
+    def __init__(self, walker_network: WalkerNetwork, count: int, seed: int, drivers: Drivers) -> None:
         """Put all walkers on sidewalks.
 
         Args:
@@ -61,12 +55,8 @@ class Walkers:
         self._start(count)
 
     def _start(self, count: int) -> None:
-        path, state = self.walker_network.path, self.state
-        wide = (
-            np.minimum.reduceat(self.walker_network.row.width_m, path.row_first)
-            if len(path.kind)
-            else np.zeros(0)
-        )
+        path, row, state = self.walker_network.path, self.walker_network.row, self.state
+        wide = np.minimum.reduceat(row.width_m, path.row_first) if len(path.kind) else np.zeros(0)
         usable = np.flatnonzero((path.kind == SIDEWALK) & (path.length_m > 10.0) & (wide > _LEAST_WIDTH_M))
         if count and not len(usable):
             raise ConfigError(
@@ -92,10 +82,10 @@ class Walkers:
         rows = path.row_first[state.path] + np.minimum(
             (state.station_m / path.row_step_m[state.path]).astype(np.int64), path.row_count[state.path] - 1
         )
-        tangent = self.walker_network.row.tangent[rows]
-        room = np.maximum(0.5 * self.walker_network.row.width_m[rows] - 0.4, 0.0)
+        tangent = row.tangent[rows]
+        room = np.maximum(0.5 * row.width_m[rows] - 0.4, 0.0)
         lateral_offset = np.minimum(state.side_m, room) * state.sense * -path.own_side[state.path]
-        state.position_m[...] = self.walker_network.row.position_m[rows]
+        state.position_m[...] = row.position_m[rows]
         state.position_m[:, 0] += lateral_offset * tangent[:, 1]
         state.position_m[:, 1] -= lateral_offset * tangent[:, 0]
         state.direction[...] = tangent * state.sense[:, None]
@@ -109,14 +99,5 @@ class Walkers:
         red_for_s: Array,
     ) -> None:
         """Advance by 50 ms; writes which crossings are taken, as `walk` says."""
-        self._walk(
-            self.walker_network,
-            self.state,
-            self.boxes,
-            roads,
-            occupancy,
-            taken,
-            signals,
-            red_for_s,
-            self.seed,
-        )
+        walkers = self.walker_network, self.state, self.boxes
+        self._walk(*walkers, roads, occupancy, taken, signals, red_for_s, self.seed)
