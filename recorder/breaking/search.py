@@ -1,4 +1,4 @@
-"""The search: tries by Optuna, then what is not needed is taken away, then the border is bisected."""
+"""The search: tries by Optuna, removal of causes that are not needed, bisection of the border."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BISECTIONS = 5
 _PASSED = 100.0
 """Objective of a condition that passes, above all distances."""
 _STANDING = 0.144
-"""Half the error of an estimate that stands still on a straight way, by the length of the way: 0.5 / √12."""
+"""Half the error of an estimate that stands still on a straight path, by the path's length: 0.5 / √12."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,14 +83,14 @@ class BreakResult:
     broken: Try | None
     """The mildest one that fails; None: none does."""
     passes: Try | None
-    """The nearest one that passes, on the way from there to the neutral condition."""
+    """The nearest one that passes, between it and the neutral condition."""
 
 
 class _Bench:
     """Runs the system under a condition; what is known already is not run again."""
 
-    def __init__(self, config: BreakConfig, told: Callable[[Try], None]) -> None:
-        self._config, self._told = config, told
+    def __init__(self, config: BreakConfig, report: Callable[[Try], None]) -> None:
+        self._config, self._report = config, report
         self.tries: list[Try] = []
         self._known: dict[object, Try] = {}
 
@@ -101,7 +101,7 @@ class _Bench:
         if key not in self._known:
             self._known[key] = one = self._run(shares, start_s)
             self.tries.append(one)
-            self._told(one)
+            self._report(one)
         return self._known[key]
 
     def _run(self, shares: dict[str, float], start_s: float) -> Try:
@@ -122,12 +122,12 @@ class _Bench:
         return Try(shares=shares, start_s=start_s, setting=setting, score=score, failed=failed)
 
 
-def find_break(config: BreakConfig, told: Callable[[Try], None] = lambda _: None) -> BreakResult:
+def find_break(config: BreakConfig, report: Callable[[Try], None] = lambda _: None) -> BreakResult:
     """Search the mildest condition in which a system fails.
 
     Args:
         config: What is searched.
-        told: Called with every try.
+        report: Called with every try.
 
     Raises:
         MissingDependencyError: Optuna is not installed.
@@ -138,7 +138,7 @@ def find_break(config: BreakConfig, told: Callable[[Try], None] = lambda _: None
     except ImportError as error:
         raise MissingDependencyError('Optuna is not installed; pip install "carlaloc-env[search]"') from error
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    bench = _Bench(config, told)
+    bench = _Bench(config, report)
     for start_s in config.starts_s:
         # A system that fails without any cause is no case for a search.
         if bench.run({}, start_s).failed is not None:
@@ -169,7 +169,7 @@ def _severity(one: Try, config: BreakConfig) -> float:
 
 
 def _narrowed(bench: _Bench, broken: Try) -> tuple[Try, Try]:
-    """The mildest failure near one, and the last that passes on the way to the neutral condition."""
+    """The mildest failure near one, and the last that passes between it and the neutral condition."""
     for name in sorted(broken.shares, key=lambda name: broken.shares[name]):
         fewer = {other: share for other, share in broken.shares.items() if other != name}
         if (one := bench.run(fewer, broken.start_s)).failed is not None:
