@@ -117,11 +117,11 @@ def score_map(found: Distances, distances_m: Sequence[float]) -> tuple[MapScore,
             true = of_surface if tag is None else of_surface & (found.surface_tag == tag)
             if own.any() or true.any():
                 name = ALL if tag is None else Tag(tag).name.lower()
-                rows += [_row(part, name, d, found.map_m[own], found.surface_m[true]) for d in distances_m]
+                rows += [_score(part, name, d, found.map_m[own], found.surface_m[true]) for d in distances_m]
     return tuple(rows)
 
 
-def _row(part: str, tag: str, d: float, map_m: Array, surface_m: Array) -> MapScore:
+def _score(part: str, tag: str, d: float, map_m: Array, surface_m: Array) -> MapScore:
     precision, recall = (float((m < d).mean()) if len(m) else np.nan for m in (map_m, surface_m))
     both = precision + recall
     return MapScore(

@@ -163,7 +163,7 @@ class PlaceDrive:
 
 
 def compare_places(
-    config: PlacesConfig, report: Callable[[float, float, str], None] | None = None
+    config: PlacesConfig, report: Callable[[float, float, str], None] = lambda *_: None
 ) -> PlacesResult:
     """Write tables of frames, pairs and scores.
 
@@ -175,7 +175,6 @@ def compare_places(
         CarlaLocError: a drive, the rig or a file cannot be used, or no query has a partner.
         MissingDependencyError: a baseline is not installed.
     """
-    tell = report or (lambda done, total, word: None)
     if "map_closures" in config.methods:
         check_map_closures()
     known = PlaceDrive(config, config.reference, (config.weather,), 0.0)
@@ -193,7 +192,7 @@ def compare_places(
     pairs = find_pairs(
         stage.rays(), field_of(known.sensor), asking.frames, known.frames,
         within_m=config.within_m, count=config.rays,
-        report=lambda done, total: tell(done, total * (1.5 if config.methods else 1.0), "overlap"),
+        report=lambda done, total: report(done, total * (1.5 if config.methods else 1.0), "overlap"),
     )  # fmt: skip
     stage.close()
     files = [
@@ -202,8 +201,9 @@ def compare_places(
         pairs.write(config.out / "pairs.csv"),
     ]
     for method in config.methods:
-        for weather, arrays in zip(config.query_weathers, _run(method, known, asking, tell), strict=True):
-            files.append(_keep(config.out / f"{method}_{Path(weather).stem}.npz", arrays))
+        of_weathers = _run_baseline(method, known, asking, report)
+        for weather, arrays in zip(config.query_weathers, of_weathers, strict=True):
+            files.append(_save_arrays(config.out / f"{method}_{Path(weather).stem}.npz", arrays))
             likeness = arrays.get("similarity")
             if likeness is None:
                 likeness = similarity_of(arrays["reference"], arrays["query"])
@@ -220,8 +220,8 @@ def compare_places(
     )
 
 
-def _run(
-    method: str, known: PlaceDrive, asking: PlaceDrive, tell: Callable[[float, float, str], None]
+def _run_baseline(
+    method: str, known: PlaceDrive, asking: PlaceDrive, report: Callable[[float, float, str], None]
 ) -> list[dict[str, Array]]:
     """What a baseline finds, a set of arrays for each weather of the queries."""
     count = len(known.frames) + len(asking.frames)
@@ -230,7 +230,7 @@ def _run(
     def step() -> None:
         nonlocal done
         done += 1
-        tell(done, 3 * count, method)
+        report(done, 3 * count, method)
 
     # Other noise than the reference's, or twins of a LiDAR that sees no weather would be copies.
     first, then = known.samples(0, step), asking.samples(1, step)
@@ -265,7 +265,7 @@ def _sensor(rig: SensorRig, kind: str) -> CameraConfig | LidarConfig:
     return replace(lidar_of(rig), outputs=("cloud",), weather=True)
 
 
-def _keep(path: Path, arrays: dict[str, Array]) -> Path:
+def _save_arrays(path: Path, arrays: dict[str, Array]) -> Path:
     with atomic_write(path) as part, part.open("wb") as file:
         np.savez_compressed(file, **cast(Any, arrays))
     return path
