@@ -44,7 +44,7 @@ def open_bag(bag: Path) -> Iterator[AnyReader]:
                 if not any(words in str(error) for words in ("Could not parse", "hash mismatch")):
                     raise
                 reader = _reader(paths)
-                reader.readers = [_Lenient(one) for one in reader.readers]  # type: ignore[assignment]
+                reader.readers = [_Lenient(part) for part in reader.readers]  # type: ignore[assignment]
                 stack.enter_context(reader)
             if reader.is2:
                 add_definitions(reader, paths[0], bag)

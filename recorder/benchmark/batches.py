@@ -129,7 +129,7 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
         KeyboardInterrupt: it was asked to end.
     """
     batch, config = work.batch, work.config
-    own, lanes = share_cores(cores(), config.workers)
+    feed_cores, lanes = share_cores(cores(), config.workers)
     numbers = [range(lane, len(batch.jobs), config.workers) for lane in range(config.workers)]
     keys, stop, fault = batch.keys, threading.Event(), None
 
@@ -138,7 +138,7 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
         return run_job(batch.jobs[k], config, mine, together=len(batch.jobs), stop=stop, feed=end)
 
     asked = [[keys[k] for k in lane] for lane in numbers]
-    with RunningFeed(batch.frames, asked, work.folder, own) as feed:
+    with RunningFeed(batch.frames, asked, work.folder, feed_cores) as feed:
         ends = {k: end for lane, found in zip(numbers, feed.connections, strict=True)
                 for k, end in zip(lane, found, strict=True)}  # fmt: skip
         with ThreadPoolExecutor(len(batch.jobs)) as pool:

@@ -103,5 +103,5 @@ class BelievedWorld:
 
 def _turn(T: Array, T_true: Array) -> float:
     """Believed less true heading [rad]."""
-    yaw, yaw_true = (np.arctan2(one[1, 0], one[0, 0]) for one in (T, T_true))
+    yaw, yaw_true = (np.arctan2(pose[1, 0], pose[0, 0]) for pose in (T, T_true))
     return float(wrap_angle(yaw - yaw_true))

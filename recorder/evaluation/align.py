@@ -108,8 +108,8 @@ def fit_attitudes(truth: Trajectory, estimate: Trajectory) -> Array:
         truth: True poses, one per pair.
         estimate: Their partners.
     """
-    true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
-    U, _, Vt = np.linalg.svd(np.einsum("nij,nkj->ik", true, own))
+    true, estimated = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
+    U, _, Vt = np.linalg.svd(np.einsum("nij,nkj->ik", true, estimated))
     R: Array = (U * [1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     return R
 
@@ -117,8 +117,8 @@ def fit_attitudes(truth: Trajectory, estimate: Trajectory) -> Array:
 def attitude_errors_deg(truth: Trajectory, estimate: Trajectory) -> Array:
     """Angles between true and estimated attitudes [deg] after `fit_attitudes`, shape (N,)."""
     R = fit_attitudes(truth, estimate)
-    true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
-    rest = np.einsum("nji,njk->nik", true, R @ own)
+    true, estimated = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
+    rest = np.einsum("nji,njk->nik", true, R @ estimated)
     angles: Array = np.degrees(
         np.linalg.norm(transforms.quat_to_rotvec(transforms.matrix_to_quat(rest)), axis=-1)
     )

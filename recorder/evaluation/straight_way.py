@@ -46,8 +46,8 @@ def roll_turn(truth: Trajectory, aligned: Trajectory) -> Array:
         aligned: Their partners, laid over them.
     """
     axis = _extents(truth.position_m)[1]
-    true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, aligned))
-    M = np.einsum("nij,nkj->ik", own, true)
+    true, estimated = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, aligned))
+    M = np.einsum("nij,nkj->ik", estimated, true)
     sine = float(np.sum(axis * (M[1, 2] - M[2, 1], M[2, 0] - M[0, 2], M[0, 1] - M[1, 0])))
     cosine = float(np.trace(M) - axis @ M @ axis)
     return transforms.rotvec_to_quat(np.arctan2(sine, cosine) * axis)

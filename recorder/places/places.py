@@ -154,7 +154,7 @@ class PlaceDrive:
             for stamp in self.frames.stamp_ns.tolist():
                 found = sensors.measure((stamp, stamp + STEP_NS))
                 yield [
-                    next(one.sample for one in found if one.weather in (None, number))
+                    next(measured.sample for measured in found if measured.weather in (None, number))
                     for number in range(len(recipe.conditions))
                 ]
                 report()
@@ -275,18 +275,17 @@ def _write_scores(config: PlacesConfig, scores: Mapping[tuple[str, str], PlaceSc
     names = ["method", "reference", "query", "weather", "query_weather", "queries", "least_overlap"]
     names += [f"recall_at_{n}" for n in AT] + ["average_precision", "recall_at_full_precision"]
     drives = config.reference.stem, (config.query or config.reference).stem
-    rows: list[list[object]] = [
-        [method, *drives, Path(config.weather).stem, weather, one.queries, config.least_overlap]
-        + [f"{v:.4f}" for v in (*one.recall.values(), one.average_precision, one.recall_at_full_precision)]
-        for (method, weather), one in scores.items()
-    ]
+    rows: list[list[object]] = []
+    for (method, weather), found in scores.items():
+        shares = (*found.recall.values(), found.average_precision, found.recall_at_full_precision)
+        facts = [Path(config.weather).stem, weather, found.queries, config.least_overlap]
+        rows.append([method, *drives, *facts, *(f"{share:.4f}" for share in shares)])
     return write_csv(config.out / "scores.csv", names, rows)
 
 
 def _write_curves(config: PlacesConfig, scores: Mapping[tuple[str, str], PlaceScore]) -> Path:
-    rows: list[list[object]] = [
-        [*key, *(f"{v:.4f}" for v in point)] for key, one in scores.items() for point in one.curve.tolist()
-    ]
-    return write_csv(
-        config.out / "precision_recall.csv", ["method", "query_weather", "recall", "precision"], rows
-    )
+    rows: list[list[object]] = []
+    for key, found in scores.items():
+        rows += [[*key, *(f"{share:.4f}" for share in point)] for point in found.curve.tolist()]
+    names = ["method", "query_weather", "recall", "precision"]
+    return write_csv(config.out / "precision_recall.csv", names, rows)

@@ -88,14 +88,14 @@ def _tree(descriptors: U8, image_of: NDArray[np.int64], rng: np.random.Generator
     waiting = deque([(0, 0, np.arange(len(descriptors)))])
     while waiting:
         node, level, rows = waiting.popleft()
-        for centre, own in _clusters(descriptors, rows, rng):
+        for centre, members in _clusters(descriptors, rows, rng):
             child = len(made.parent)
             made.parent.append(node)
             made.descriptor.append(centre)
-            if level + 1 == LEVELS or len(own) == 1:
-                made.weight[child] = float(np.log(images / len(set(image_of[own].tolist()))))
+            if level + 1 == LEVELS or len(members) == 1:
+                made.weight[child] = float(np.log(images / len(set(image_of[members].tolist()))))
             else:
-                waiting.append((child, level + 1, own))
+                waiting.append((child, level + 1, members))
     return made
 
 
@@ -103,19 +103,19 @@ def _clusters(
     descriptors: U8, rows: NDArray[np.int64], rng: np.random.Generator
 ) -> list[tuple[U8, NDArray[np.int64]]]:
     """Centres and rows of at most `BRANCHES` clusters by k-majority, as k-means with Hamming distances."""
-    own = descriptors[rows]
+    features = descriptors[rows]
     if len(rows) <= BRANCHES:
-        return [(own[k], rows[k : k + 1]) for k in range(len(rows))]
-    centres = own[rng.choice(len(rows), BRANCHES, replace=False)]
+        return [(features[k], rows[k : k + 1]) for k in range(len(rows))]
+    centres = features[rng.choice(len(rows), BRANCHES, replace=False)]
     nearest = np.full(len(rows), -1)
     for _ in range(_ROUNDS):
-        distance = [_BITS_OF[own ^ centre].sum(axis=1, dtype=np.int64) for centre in centres]
+        distance = [_BITS_OF[features ^ centre].sum(axis=1, dtype=np.int64) for centre in centres]
         moved = np.argmin(distance, axis=0)
         if np.array_equal(moved, nearest):
             break
         nearest = moved
         for k in range(BRANCHES):
-            members = own[nearest == k]
+            members = features[nearest == k]
             if len(members):
                 ones = np.unpackbits(members, axis=1).sum(axis=0, dtype=np.int64)
                 centres[k] = np.packbits(2 * ones > len(members))

@@ -62,7 +62,7 @@ def run_job(job: dict[str, Any]) -> None:
     estimate = trajectory_of(poses, offset_ns, system.title)
     write_tum(out / ESTIMATE, estimate)
     stated = [clock.covariances.get(stamp - offset_ns) for stamp in estimate.stamp_ns.tolist()]
-    if clock.covariances and all(one is not None for one in stated):
+    if clock.covariances and all(covariance is not None for covariance in stated):
         write_covariances(out / ESTIMATE, estimate, np.array(stated))
     else:
         (out / ESTIMATE).with_suffix(SUFFIX).unlink(missing_ok=True)

@@ -160,33 +160,26 @@ def _episode(config: SweepConfig, point: Point, seed: int, report: Callable[[str
 
 def _described(config: SweepConfig, group: _Group) -> dict[Setting, BenchmarkSequence]:
     drives, settings = config.drives, list(group.settings)
-    options = {one.name: getattr(drives.options, one.name) for one in fields(ReplayOptions)}
+    options = replace(
+        drives.options, weathers=tuple(dict.fromkeys(setting.weather for setting in settings)),
+        traffic=tuple(dict.fromkeys(setting.traffic for setting in settings)),
+        lidar_weather=group.setting.lidar_weather, faults=group.setting.faults.calibration, seed=group.seed,
+        workers=1,
+    )  # fmt: skip
     replayed = ReplayConfig(
-        **{
-            **options,
-            "weathers": tuple(dict.fromkeys(one.weather for one in settings)),
-            "traffic": tuple(dict.fromkeys(one.traffic for one in settings)),
-            "lidar_weather": group.setting.lidar_weather,
-            "faults": group.setting.faults.calibration,
-            "seed": group.seed,
-            "workers": 1,
-        },
-        episode=group.episode,
-        out=group.out,
-        start_s=drives.start_s,
-        duration_s=drives.duration_s,
-        map=drives.map,
-    )
+        **{option.name: getattr(options, option.name) for option in fields(ReplayOptions)},
+        episode=group.episode, out=group.out, map=drives.map,
+        start_s=drives.start_s, duration_s=drives.duration_s,
+    )  # fmt: skip
     conditions = tuple(
         Condition(
-            weather_name=weather_word(one.weather),
-            weather=weather_of(one.weather),
-            traffic=traffic_level(one.traffic),
-            faults=one.faults,
+            weather_name=weather_word(setting.weather),
+            weather=weather_of(setting.weather),
+            traffic=traffic_level(setting.traffic),
+            faults=setting.faults,
         )
-        for one in settings
+        for setting in settings
     )
     streams = describe_drive(replayed, conditions)
-    return {
-        one: sequence_of(stream, config.out / DRIVES) for one, stream in zip(settings, streams, strict=True)
-    }
+    sequences = (sequence_of(stream, config.out / DRIVES) for stream in streams)
+    return dict(zip(settings, sequences, strict=True))

@@ -50,7 +50,7 @@ def run_sweep(
     points = points_of(config)
     sequences = sequences_of_points(config, points, report)
     before = len(read_shared(config.out))
-    unique = list({one.path: one for one in sequences}.values())
+    unique = list({sequence.path: sequence for sequence in sequences}.values())
     result = run_benchmark(benchmark, progress, sequences=unique)
     passes = read_shared(config.out)[before:]
     # Systems run once where sweeps are the same in all weathers.
@@ -70,8 +70,8 @@ def run_sweep(
         config=config,
         runs=pd.DataFrame(rows),
         benchmark=result,
-        instants=sum(one["instants"] for one in passes),
-        frames=sum(one["frames"] for one in passes),
+        instants=sum(made["instants"] for made in passes),
+        frames=sum(made["frames"] for made in passes),
     )
 
 

@@ -158,12 +158,13 @@ def _judge_maps(
     if arguments.plot is not None:
         from recorder.report.map_plot import plot_map
 
-        for one, (path, _) in zip(found, clouds, strict=True):
+        for judged, (path, _) in zip(found, clouds, strict=True):
             picture = arguments.plot / f"map_{path.stem}.png"
-            title = f"{path.stem}: {one.ghost_rate:.2%} of {len(one.points_m):,} points are ghosts"
-            plot_map(one.points_m, one.distance_m, one.ghost, picture, title=title, overwrite=arguments.force)
+            title = f"{path.stem}: {judged.ghost_rate:.2%} of {len(judged.points_m):,} points are ghosts"
+            points = (judged.points_m, judged.distance_m, judged.ghost)
+            plot_map(*points, picture, title=title, overwrite=arguments.force)
             pictures.append(str(picture))
-    return [one.to_mapping() for one in found], pictures
+    return [judged.to_mapping() for judged in found], pictures
 
 
 def _nanoseconds(time_s: float) -> int:

@@ -57,7 +57,7 @@ def _rigs() -> dict[str, str]:
 def _formats() -> dict[str, str]:
     from recorder.dataset.layout import FORMATS
 
-    return {name: one.about for name, one in FORMATS.items()}
+    return {name: form.about for name, form in FORMATS.items()}
 
 
 def _topics() -> dict[str, str]:

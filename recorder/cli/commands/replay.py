@@ -42,9 +42,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         camera_duration_s=arguments.camera_duration,
     )  # fmt: skip
     found = []
-    for one in _of_noise_seeds(config, arguments.noise_seeds):
+    for replayed in _of_noise_seeds(config, arguments.noise_seeds):
         with Progress("replaying") as progress:
-            found.append(replay(one, progress.update))
+            found.append(replay(replayed, progress.update))
     samples: Counter[str] = Counter()
     for result in found:
         samples.update(result.samples)

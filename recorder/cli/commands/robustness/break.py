@@ -87,20 +87,21 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     done = 0
     with Progress("tries", unit="tries") as progress:
 
-        def report(one: Try) -> None:
+        def report(tried: Try) -> None:
             nonlocal done
             done += 1
-            progress.pieces(done, config.tries, f"distance {one.distance:.3f}: {one.failed or 'passes'}")
+            progress.pieces(done, config.tries, f"distance {tried.distance:.3f}: {tried.failed or 'passes'}")
 
         result = find_break(config, report)
     files = write_counter_example(result, config, out)
 
-    def about(one: Try | None) -> dict[str, Any] | None:
-        if one is None:
+    def about(tried: Try | None) -> dict[str, Any] | None:
+        if tried is None:
             return None
-        values = {r.name: r.value(one.shares[r.name]) for r in config.ranges if r.name in one.shares}
-        return {"distance": one.distance, "start_s": one.start_s, "values": values, "failed": one.failed,
-                "ape_m": one.score.ape_m, "coverage": one.score.coverage}  # fmt: skip
+        values = {r.name: r.value(tried.shares[r.name]) for r in config.ranges if r.name in tried.shares}
+        return {"distance": tried.distance, "start_s": tried.start_s, "values": values,
+                "failed": tried.failed, "ape_m": tried.score.ape_m,
+                "coverage": tried.score.coverage}  # fmt: skip
 
     return {
         "out": str(out),
@@ -114,11 +115,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 def show(result: dict[str, Any]) -> None:
     """Print the counter-example, the nearest condition that passes, and the files."""
     for name, word in (("broken", "mildest failure"), ("passes", "nearest pass")):
-        if (one := result[name]) is None:
+        if (row := result[name]) is None:
             print(f"{word}: none in {result['tries']} tries")
             continue
-        values = ", ".join(f"{key} = {value:g}" for key, value in one["values"].items()) or "nothing changed"
-        print(f"{word} at distance {one['distance']:.3f}, from {one['start_s']:g} s: {values}")
-        print("  " + (one["failed"] or f"APE {one['ape_m']:.3f} m"))
+        values = ", ".join(f"{key} = {value:g}" for key, value in row["values"].items()) or "nothing changed"
+        print(f"{word} at distance {row['distance']:.3f}, from {row['start_s']:g} s: {values}")
+        print("  " + (row["failed"] or f"APE {row['ape_m']:.3f} m"))
     for path in result["files"]:
         print(path)

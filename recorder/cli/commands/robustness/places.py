@@ -68,12 +68,12 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
             {
                 "method": method,
                 "query_weather": weather,
-                "queries": one.queries,
-                "recall": {str(n): value for n, value in one.recall.items()},
-                "average_precision": one.average_precision,
-                "recall_at_full_precision": one.recall_at_full_precision,
+                "queries": score.queries,
+                "recall": {str(n): value for n, value in score.recall.items()},
+                "average_precision": score.average_precision,
+                "recall_at_full_precision": score.recall_at_full_precision,
             }
-            for (method, weather), one in result.scores.items()
+            for (method, weather), score in result.scores.items()
         ],
         "files": [str(path) for path in result.files],
     }
@@ -82,10 +82,10 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 def show(result: dict[str, Any]) -> None:
     """Print counts, a line for each method and weather, and the files."""
     print(f"{result['queries']} queries, {result['references']} references, {result['pairs']} pairs")
-    for one in result["scores"]:
-        recall = ", ".join(f"@{n} {value:.3f}" for n, value in one["recall"].items())
+    for row in result["scores"]:
+        recall = ", ".join(f"@{n} {value:.3f}" for n, value in row["recall"].items())
         print(
-            f"  {one['method']:<14} {one['query_weather']:<16} recall {recall} of {one['queries']} queries; "
-            f"average precision {one['average_precision']:.3f}"
+            f"  {row['method']:<14} {row['query_weather']:<16} recall {recall} of {row['queries']} queries; "
+            f"average precision {row['average_precision']:.3f}"
         )
     print(*result["files"], sep="\n")
