@@ -65,13 +65,7 @@ def examine(out: Path | None = None) -> DoctorReport:
     )
     draws_on_cores = any(word in graphics.detail.lower() for word in ("llvmpipe", "softpipe", "swrast"))
     findings = (
-        Finding(
-            name="Python",
-            works=True,
-            needed=True,
-            detail=f"{platform.python_version()} on {platform.system()} {platform.machine()}, "
-            f"{os.cpu_count()} cores",
-        ),
+        _finding("Python", True, _python(), needed=True),
         graphics,
         _guarded("ray casting", _rays, needed=True, remedy="apt-get install libgomp1 libusb-1.0-0 libidn2-0"),
         _guarded("physics", _physics, needed=True, remedy="pip install --force-reinstall pybullet"),
@@ -91,7 +85,15 @@ def _guarded(name: str, check: Callable[[], tuple[bool, str]], *, needed: bool, 
         works, detail = check()
     except (CarlaLocError, ImportError, OSError, RuntimeError) as error:
         works, detail = False, " ".join(str(error).split()) or type(error).__name__
+    return _finding(name, works, detail, remedy, needed=needed)
+
+
+def _finding(name: str, works: bool, detail: str, remedy: str = "", *, needed: bool = False) -> Finding:
     return Finding(name=name, works=works, needed=needed, detail=detail, remedy="" if works else remedy)
+
+
+def _python() -> str:
+    return f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
 
 
 def _graphics() -> tuple[bool, str]:
@@ -165,28 +167,15 @@ def _disk(folder: Path) -> Finding:
     while not folder.exists():
         folder = folder.parent
     free_gb = shutil.disk_usage(folder).free / 1e9
-    works = free_gb > 5.0
-    return Finding(
-        name="disk",
-        works=works,
-        needed=False,
-        detail=f"{free_gb:.1f} GB free in {folder}; a minute of the paper's rig makes a bag of about 20 GB",
-        remedy="" if works else "choose another folder with --out or free some space",
-    )
+    detail = f"{free_gb:.1f} GB free in {folder}; a minute of the paper's rig makes a bag of about 20 GB"
+    return _finding("disk", free_gb > 5.0, detail, "choose another folder with --out or free some space")
 
 
 def _optional(module: str, purpose: str, extra: str, *, below: tuple[int, int] | None = None) -> Finding:
-    works = find_spec(module) is not None
     remedy = f'pip install "carlaloc-env[{extra}]"'
     if below is not None and sys.version_info >= below:
         remedy += f", in a Python older than {below[0]}.{below[1]}"
-    return Finding(
-        name=module,
-        works=works,
-        needed=False,
-        detail=f"for {purpose}",
-        remedy="" if works else remedy,
-    )
+    return _finding(module, find_spec(module) is not None, f"for {purpose}", remedy)
 
 
 def _ground() -> Mesh:

@@ -1,4 +1,4 @@
-"""Files that make up the bag which a user named: told by what they hold, not by their names."""
+"""Files that make up the bag which a user named, recognised by content and not by name."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def kind_of(path: Path) -> str:
 
 
 def metadata_of(path: Path) -> dict[str, Any]:
-    """What ``metadata.yaml`` says of a folder, or of a file that it names beside it; else nothing."""
+    """Content of ``metadata.yaml`` for a folder, or for a file that it names beside it; else nothing."""
     file = (path if path.is_dir() else path.parent) / METADATA
     try:
         found = _information(file.read_text("utf-8"))
@@ -94,7 +94,7 @@ def metadata_of(path: Path) -> dict[str, Any]:
 
 @functools.lru_cache(maxsize=4)
 def _information(metadata: str) -> Any:
-    """What a ``metadata.yaml`` says; a folder and each of its files ask for it, and parsing takes long."""
+    """Content of a ``metadata.yaml``; a folder and each of its files need it, and parsing takes long."""
     return yaml.safe_load(metadata)["rosbag2_bagfile_information"]
 
 

@@ -21,7 +21,7 @@ _CURES = {
     "File end magic": "{bag} was cut off and lacks its end; run: mcap recover {bag} -o whole.mcap",
     "Profile is not ros2": "{bag} is an MCAP, but not of ROS 2; convert it to a bag of ROS 2 first",
 }
-"""What to do about what rosbags says, by a part of its words."""
+"""Next steps after errors of rosbags, by a part of their text."""
 
 
 @contextmanager
@@ -44,7 +44,7 @@ def open_bag(bag: Path) -> Iterator[AnyReader]:
                 if not any(words in str(error) for words in ("Could not parse", "hash mismatch")):
                     raise
                 reader = _reader(paths)
-                reader.readers = [_Lenient(one) for one in reader.readers]  # type: ignore[assignment]
+                reader.readers = [_Lenient(part) for part in reader.readers]  # type: ignore[assignment]
                 stack.enter_context(reader)
             if reader.is2:
                 add_definitions(reader, paths[0], bag)
@@ -58,7 +58,7 @@ def _reader(paths: Sequence[Path]) -> AnyReader:
 class _Lenient:
     """A reader of a file without those of its definitions that rosbags does not understand.
 
-    Such are services of ROS 2 Jazzy, which must not keep anybody from the other topics.
+    Such are services of ROS 2 Jazzy, which must not block the other topics.
     """
 
     def __init__(self, reader: Any) -> None:

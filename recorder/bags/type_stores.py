@@ -21,7 +21,7 @@ from recorder.bags.files import metadata_of
 _LOG = logging.getLogger(__name__)
 
 LIKELIEST = "humble"
-"""Distribution that is taken where a bag tells none: the last one whose bags carry no definitions."""
+"""Distribution that is taken where a bag names none: the last one whose bags carry no definitions."""
 _OF_VERSION = {
     1: "dashing", 2: "dashing", 3: "eloquent", 4: "foxy", 5: "humble", 6: "iron", 7: "iron", 8: "iron",
     9: "jazzy",
@@ -53,7 +53,7 @@ def add_definitions(reader: AnyReader, path: Path, bag: Path) -> None:
 
 
 def _distribution(path: Path) -> str | None:
-    """Distribution that a bag names, or that wrote its version of the metadata; None: it says neither."""
+    """Distribution that a bag names, or that wrote its version of the metadata; None: it shows neither."""
     described = metadata_of(path)
     if not path.is_dir():
         inside = (_of_mcap if path.suffix == ".mcap" else _of_sqlite)(path)
@@ -80,7 +80,7 @@ def _of_mcap(path: Path) -> Mapping[str, Any]:
 
 
 def _of_sqlite(path: Path) -> Mapping[str, Any]:
-    """Distribution in the table ``schema``, new in Humble; before, topics tell Foxy from Eloquent."""
+    """Distribution in the table ``schema``, new in Humble; before, topics distinguish Foxy from Eloquent."""
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)) as base:
             columns = {row[1] for row in base.execute("PRAGMA table_info(schema)")}

@@ -15,7 +15,7 @@ from recorder.benchmark.cells import CLEAR, cells, ratios
 from recorder.slam.systems import SYSTEMS
 
 PAIRS_MIN, SHARE = 3, 2 / 3
-"""Fewest pairs that say anything, and the share of them that must agree."""
+"""Fewest pairs that count, and the share of them that must agree."""
 NO_SYSTEM = "–"
 """Stands for a system where none of the kind ran."""
 LARGER, SMALLER, NONE = "larger", "smaller", "no direction"
@@ -26,7 +26,7 @@ class Finding:
     """One finding of the paper."""
 
     text: str
-    """What it says."""
+    """The finding in words."""
     kind: str
     """Kind of systems that it speaks of, see `kind_of`."""
     what: str
@@ -105,8 +105,8 @@ def answers_table(runs: pd.DataFrame) -> pd.DataFrame:
         shown = [
             (titles[row.method], f"×{row.median:.2f}", answer(finding, row), doubt(row)) for row in known
         ]
-        for system, median, said, why in shown or [(NO_SYSTEM, "", "untested", "no system ran")]:
-            rows.append((finding.text, f"×{finding.median:.2f}", system, median, said, why))
+        for system, median, verdict, why in shown or [(NO_SYSTEM, "", "untested", "no system ran")]:
+            rows.append((finding.text, f"×{finding.median:.2f}", system, median, verdict, why))
     return pd.DataFrame(
         rows, columns=["the paper's finding", "paper", "system here", "here", "verdict", "doubt"]
     )

@@ -18,13 +18,13 @@ from pathlib import Path
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from recorder.benchmark.config import BenchmarkConfig, cores
 from recorder.benchmark.plan import Job
-from recorder.benchmark.results import keep, keep_shared, limit_s
+from recorder.benchmark.results import keep, keep_shared, run_job
 from recorder.benchmark.score import Score
 from recorder.dataset.layout import DatasetFolder
 from recorder.dataset.sequence import SEGMENTED
 from recorder.replaying.replay import replay
 from recorder.replaying.unit_work import STOP
-from recorder.slam.supervisor import RunRecord, run_isolated
+from recorder.slam.supervisor import RunRecord
 from recorder.streaming.drive import DriveStream
 from recorder.streaming.frames import FrameJob, Key
 from recorder.streaming.run_feed import RunningFeed
@@ -85,7 +85,7 @@ def _batch(jobs: Sequence[Job]) -> Batch:
     masks = any(job.cloud == SEGMENTED for job in jobs)
     frames = stream.frame_job(jobs[0].system.sensor, masks=masks)
     streams = [stream_of(job) for job in jobs]
-    # Weathers that nobody asks for are not drawn.
+    # Weathers of no run are not drawn.
     conditions = tuple(dict.fromkeys(stream.condition for stream in streams))
     frames = replace(
         frames,
@@ -129,25 +129,16 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
         KeyboardInterrupt: it was asked to end.
     """
     batch, config = work.batch, work.config
-    own, lanes = share_cores(cores(), config.workers)
+    feed_cores, lanes = share_cores(cores(), config.workers)
     numbers = [range(lane, len(batch.jobs), config.workers) for lane in range(config.workers)]
     keys, stop, fault = batch.keys, threading.Event(), None
 
     def run(k: int, end: Connection) -> RunRecord:
-        job = batch.jobs[k]
-        return run_isolated(
-            job.method,
-            job.sequence.path,
-            config.out / job.folder,
-            cloud=job.cloud,
-            limit_s=limit_s(job, config) * len(batch.jobs),
-            cores=lanes[k % config.workers],
-            stop=stop,
-            feed=end,
-        )
+        mine = lanes[k % config.workers]
+        return run_job(batch.jobs[k], config, mine, together=len(batch.jobs), stop=stop, feed=end)
 
     asked = [[keys[k] for k in lane] for lane in numbers]
-    with RunningFeed(batch.frames, asked, work.folder, own) as feed:
+    with RunningFeed(batch.frames, asked, work.folder, feed_cores) as feed:
         ends = {k: end for lane, found in zip(numbers, feed.connections, strict=True)
                 for k, end in zip(lane, found, strict=True)}  # fmt: skip
         with ThreadPoolExecutor(len(batch.jobs)) as pool:
@@ -170,7 +161,7 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
         except EvaluationError as error:
             fault = str(error)
     for job, record, fingerprint in zip(batch.jobs, records, work.fingerprints, strict=True):
-        # What has failed with the feed says nothing of the system.
+        # A failure of the feed is none of the system.
         failed = fault is not None and record.error is not None
         keep(job, replace(record, error=fault) if failed else record, config, "" if failed else fingerprint)
 
@@ -215,14 +206,8 @@ def run_on_files(
                 if fault is not None:
                     yield job, keep(job, RunRecord.of_error(fault), config, "")
                     continue
-                record = run_isolated(
-                    job.method,
-                    DatasetFolder(folder / "data").drive(path.parent.name).sequence(path.name).path,
-                    config.out / job.folder,
-                    cloud=job.cloud,
-                    limit_s=limit_s(job, config),
-                    cores=cores(),
-                )
+                sequence = DatasetFolder(folder / "data").drive(path.parent.name).sequence(path.name)
+                record = run_job(job, config, cores(), sequence=sequence.path)
                 yield job, keep(job, record, config, fingerprints[job.folder])
         finally:
             shutil.rmtree(folder, ignore_errors=True)

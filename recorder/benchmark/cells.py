@@ -11,7 +11,7 @@ from recorder.benchmark.plan import STATIC
 from recorder.dataset.sequence import SEGMENTED
 
 CONDITION = ["town", "weather", "traffic", "cloud"]
-"""Columns of what is a row of a table."""
+"""Columns of the condition that a row of a table stands for."""
 CLEAR = "ClearNoon"
 """Weather that others are compared with."""
 
@@ -36,7 +36,7 @@ def cells(runs: pd.DataFrame, column: str = "ape_m") -> pd.DataFrame:
 
     Returns:
         Columns of the condition and ``method``; ``median``, ``low`` and ``high`` of the runs that did not
-        fail, the median NaN if half of them did or nothing was measured, as drift on a way shorter than a
+        fail, the median NaN if half of them did or nothing was measured, as drift on a path shorter than a
         segment; counts ``measured``, ``failed``, ``runs``; ``text``, all of it in words. Sorted as in the
         paper: by town and weather, static before seg(d) before dynamic.
     """
@@ -113,7 +113,7 @@ def ratios(cell: pd.DataFrame) -> pd.DataFrame:
         A row for each ``method`` and comparison, ``what``: ``median``, ``low`` and ``high`` of the ratios of
         medians; counts of ``pairs`` that have both conditions, of ratios above 1, ``larger``, and below,
         ``smaller``; of pairs with several runs on both sides, ``repeated``, since of others the spread is not
-        known; and ``within``, of those the ones whose ranges overlap, so that nothing can be said of them.
+        known; and ``within``, of those the ones whose ranges overlap, so that they show no difference.
     """
     grouped = pairs_of(cell).groupby(["method", "what"])
     ratio = grouped["ratio"].agg(median="median", low="min", high="max", pairs="size")

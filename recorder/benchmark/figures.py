@@ -48,7 +48,7 @@ class Line:
     y: Array
     """Ordinates, shape (N,)."""
     dashed: bool = False
-    """Whether it is dashed, to be told from another one of its colour."""
+    """Whether it is dashed, to differ from another one of its colour."""
 
     def draw(self, axes: Any) -> None:
         """Draw it, with its name as a title."""

@@ -1,4 +1,4 @@
-"""What a benchmark runs: sequences of a folder or of drives, and a job for each system and repetition."""
+"""Plan of a benchmark: sequences of a folder or of drives, and a job for each system and repetition."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def plan_jobs(
     runs: int,
     clouds: Sequence[str],
 ) -> list[Job]:
-    """Jobs of all systems over all sequences that can tell something new.
+    """Jobs of all systems over all sequences whose results can be new.
 
     Where the weather does not matter to the LiDAR, its sweeps are the same bytes in all weathers, so that
     systems without cameras run in the first of them. Clouds and images without movers are taken of dynamic

@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import threading
 from dataclasses import asdict
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from carlaloc_env.core.files.atomic_write import atomic_write
@@ -13,7 +15,7 @@ from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.benchmark.score import Score, score_run
 from recorder.dataset.layout import SequenceFolder
-from recorder.slam.supervisor import RunRecord
+from recorder.slam.supervisor import RunRecord, run_isolated
 
 RESULT = "result.json"
 """File of a run with its score."""
@@ -30,8 +32,8 @@ def keep(job: Job, record: RunRecord, config: BenchmarkConfig, fingerprint: str)
         job: The run.
         record: How it ended.
         config: The benchmark.
-        fingerprint: What the run depends on, as it was when it began; empty: the result says nothing of the
-            system, and the same command runs it again.
+        fingerprint: What the run depends on, as it was when it began; empty: the result is none of the
+            system's, and the same command runs it again.
     """
     folder = config.out / job.folder
     folder.mkdir(parents=True, exist_ok=True)
@@ -39,8 +41,8 @@ def keep(job: Job, record: RunRecord, config: BenchmarkConfig, fingerprint: str)
     document = {
         "format": _FORMAT,
         "fingerprint": fingerprint,
-        "score": score.to_mapping(),
-        "record": record.to_mapping(),
+        "score": asdict(score),
+        "record": asdict(record),
     }
     with atomic_write(folder / RESULT) as part:
         part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
@@ -69,6 +71,33 @@ def read_result(job: Job, config: BenchmarkConfig) -> tuple[Score, str] | None:
         return Score(**found["score"]), str(found["fingerprint"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def run_job(
+    job: Job,
+    config: BenchmarkConfig,
+    cores: tuple[int, ...],
+    *,
+    sequence: Path | None = None,
+    together: int = 1,
+    stop: threading.Event | None = None,
+    feed: Connection | None = None,
+) -> RunRecord:
+    """Run a system over its sequence, see `run_isolated`.
+
+    Args:
+        job: The run.
+        config: The benchmark.
+        cores: Cores that it may use.
+        sequence: Folder of the sequence where it is another one than the job's.
+        together: Runs that take turns, so that each may take so many times as long.
+        stop: Ends the run when it is set.
+        feed: Connection to a feed.
+    """
+    return run_isolated(
+        job.method, sequence or job.sequence.path, config.out / job.folder, cloud=job.cloud,
+        limit_s=limit_s(job, config) * together, cores=cores, stop=stop, feed=feed,
+    )  # fmt: skip
 
 
 def limit_s(job: Job, config: BenchmarkConfig) -> float:

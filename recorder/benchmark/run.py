@@ -14,12 +14,12 @@ from carlaloc_env.core.files.last_line import last_line
 from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
 from recorder.benchmark.config import BenchmarkConfig, cores
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
-from recorder.benchmark.results import fingerprint_of, keep, limit_s, read_result
+from recorder.benchmark.results import fingerprint_of, keep, read_result, run_job
 from recorder.benchmark.score import ERRORS, Score
 from recorder.evaluation.path_errors import PathErrors
 from recorder.replaying.unit_work import STOP
 from recorder.replaying.workers import DaskCluster, Task, ThisProcess, Workers, progress_of, run_tasks
-from recorder.slam.supervisor import LOG, RunRecord, run_isolated
+from recorder.slam.supervisor import LOG, RunRecord
 from recorder.slam.system_file import is_system_file
 from recorder.slam.systems import SYSTEMS, system_of
 
@@ -70,7 +70,7 @@ class BenchmarkResult:
 
 def run_benchmark(
     config: BenchmarkConfig,
-    progress: Progress | None = None,
+    progress: Progress = lambda *_: None,
     *,
     sequences: Sequence[BenchmarkSequence] | None = None,
 ) -> BenchmarkResult:
@@ -105,28 +105,24 @@ def run_benchmark(
         score, depended = read_result(job, config) or (None, "")
         if score is None or depended != fingerprints[job.folder] or config.again == "all":
             continue
-        # A program's build is unknown here, so that its failure says nothing lasting; what was scored does.
+        # A program's build is unknown here, so that its failure does not last; what was scored does.
         lost = score.coverage == 0 and is_system_file(job.method)
         if not lost and (config.again != "failed" or score.failed is None):
             found[k] = score
     reused = len(found)
-    run = _Run(jobs, found, config, fingerprints, progress or _nobody)
+    run = _Run(jobs, found, config, fingerprints, progress)
     try:
         run.all_of([k for k in range(len(jobs)) if k not in found])
     except KeyboardInterrupt:
-        kept = f"{len(found)} of {len(jobs)} runs are kept, and the same command goes on from there"
+        kept = f"{len(found)} of {len(jobs)} runs are kept, and the same command resumes from there"
         raise KeyboardInterrupt(kept) from None
     except OSError as error:
         why = f"cannot write below {config.out}: {error.strerror or error}"
-        raise EvaluationError(f"{why}; make room, and the same command goes on from there") from error
+        raise EvaluationError(f"{why}; make room, and the same command resumes from there") from error
     # How much of a drive moves is known when it has been read.
     movers = {sequence.key: sequence.movers for sequence in sequences}
     scores = [replace(found[k], movers=movers[job.sequence.key]) for k, job in enumerate(jobs)]
     return BenchmarkResult(sequences=list(sequences), jobs=jobs, scores=scores, reused=reused, out=config.out)
-
-
-def _nobody(done: float, total: int, told: str | None) -> None:
-    """Listen to no progress."""
 
 
 class _Run:
@@ -173,16 +169,7 @@ class _Run:
             with self._lock:
                 mine = free.pop()
             try:
-                record = run_isolated(
-                    job.method,
-                    job.sequence.path,
-                    self._config.out / job.folder,
-                    cloud=job.cloud,
-                    limit_s=limit_s(job, self._config),
-                    cores=mine,
-                    stop=self._stop,
-                )
-                self._ended(job, self._kept(job, record))
+                self._ended(job, self._kept(job, run_job(job, self._config, mine, stop=self._stop)))
             finally:
                 with self._lock:
                     free.append(mine)
@@ -213,11 +200,11 @@ class _Run:
             )
             work.folder.mkdir(parents=True)
             tasks.append(Task(run_batch, work, work.folder / "progress"))
-        workers: Workers = ThisProcess(self._look_at, lambda: None)
+        workers: Workers = ThisProcess(lambda task, done_s: self._report({task: done_s}), lambda: None)
         if config.cluster is not None:
             workers = DaskCluster(config.cluster)
         try:
-            run_tasks(tasks, workers, done=self._batch_ended, look=self._look)
+            run_tasks(tasks, workers, done=self._batch_ended, look=self._look_at)
         except BaseException:
             (folder / STOP).touch()
             raise
@@ -231,22 +218,19 @@ class _Run:
             self._ended(job, result[0])
         return []
 
-    def _look_at(self, task: Task, done_s: float) -> None:
-        self._tell({task: done_s})
+    def _look_at(self, tasks: Sequence[Task]) -> None:
+        self._report({task: progress_of(task) for task in tasks})
 
-    def _look(self, tasks: Sequence[Task]) -> None:
-        self._tell({task: progress_of(task) for task in tasks})
-
-    def _tell(self, done_s: Mapping[Task, float]) -> None:
-        """Count of runs that are under way what has been made for them."""
+    def _report(self, done_s: Mapping[Task, float]) -> None:
+        """Report progress, of runs under way the share of the drive that has been made for them."""
         part = sum(
             len(task.job.batch.jobs) * done / task.job.batch.frames.length_s for task, done in done_s.items()
         )
         self._progress(len(self._found) + part, len(self._jobs), None)
 
     def _ended(self, job: Job, score: Score) -> None:
-        """Take note of a score, and tell of it."""
-        told = f"fail: {score.failed}" if score.failed else f"APE {score.ape_m:.3f} m"
+        """Take note of a score, and report it."""
+        outcome = f"fail: {score.failed}" if score.failed else f"APE {score.ape_m:.3f} m"
         with self._lock:
             self._found[self._numbers[job.folder]] = score
-            self._progress(len(self._found), len(self._jobs), f"{job.folder.relative_to('runs')}: {told}")
+            self._progress(len(self._found), len(self._jobs), f"{job.folder.relative_to('runs')}: {outcome}")

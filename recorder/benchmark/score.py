@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -76,10 +76,6 @@ class Score:
     cpu_s: float = float("nan")
     peak_memory_mb: float = float("nan")
     cores: int = 0
-
-    def to_mapping(self) -> dict[str, Any]:
-        """The score as JSON values."""
-        return asdict(self)
 
 
 def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Score:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -35,7 +35,7 @@ _TEX = {sign: f"\\{sign}" for sign in "&%$#_{}"} | {"\\": r"\textbackslash{}", "
 def frame_of(scores: Sequence[Score]) -> pd.DataFrame:
     """A row for each run with all of its figures."""
     columns = [field.name for field in fields(Score)]
-    return pd.DataFrame([score.to_mapping() for score in scores], columns=columns)
+    return pd.DataFrame([asdict(score) for score in scores], columns=columns)
 
 
 def write_tables(runs: pd.DataFrame, tables: Tables, out: Path) -> list[Path]:
@@ -138,7 +138,7 @@ def error_table(runs: pd.DataFrame, column: str = "ape_m", *, by_weather: bool) 
 
 
 def ratio_table(runs: pd.DataFrame) -> pd.DataFrame:
-    """Ratios with their median, range, and pairs of which nothing can be said."""
+    """Ratios with their median, range, and pairs whose ranges overlap."""
     ratio = ratios(cells(runs))
     within = counted(ratio["within"], ratio["repeated"]).where(ratio["repeated"] > 0, "one run: not known")
     return pd.DataFrame(

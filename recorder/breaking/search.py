@@ -1,4 +1,4 @@
-"""The search: tries by Optuna, then what is not needed is taken away, then the border is bisected."""
+"""The search: tries by Optuna, removal of causes that are not needed, bisection of the border."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BISECTIONS = 5
 _PASSED = 100.0
 """Objective of a condition that passes, above all distances."""
 _STANDING = 0.144
-"""Half the error of an estimate that stands still on a straight way, by the length of the way: 0.5 / √12."""
+"""Half the error of an estimate that stands still on a straight path, by the path's length: 0.5 / √12."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,14 +83,14 @@ class BreakResult:
     broken: Try | None
     """The mildest one that fails; None: none does."""
     passes: Try | None
-    """The nearest one that passes, on the way from there to the neutral condition."""
+    """The nearest one that passes, between it and the neutral condition."""
 
 
 class _Bench:
     """Runs the system under a condition; what is known already is not run again."""
 
-    def __init__(self, config: BreakConfig, told: Callable[[Try], None]) -> None:
-        self._config, self._told = config, told
+    def __init__(self, config: BreakConfig, report: Callable[[Try], None]) -> None:
+        self._config, self._report = config, report
         self.tries: list[Try] = []
         self._known: dict[object, Try] = {}
 
@@ -99,9 +99,9 @@ class _Bench:
         shares = {name: round(share / STEP) * STEP for name, share in shares.items() if share >= STEP}
         key = (tuple(sorted(shares.items())), start_s)
         if key not in self._known:
-            self._known[key] = one = self._run(shares, start_s)
-            self.tries.append(one)
-            self._told(one)
+            self._known[key] = tried = self._run(shares, start_s)
+            self.tries.append(tried)
+            self._report(tried)
         return self._known[key]
 
     def _run(self, shares: dict[str, float], start_s: float) -> Try:
@@ -122,12 +122,12 @@ class _Bench:
         return Try(shares=shares, start_s=start_s, setting=setting, score=score, failed=failed)
 
 
-def find_break(config: BreakConfig, told: Callable[[Try], None] = lambda _: None) -> BreakResult:
+def find_break(config: BreakConfig, report: Callable[[Try], None] = lambda _: None) -> BreakResult:
     """Search the mildest condition in which a system fails.
 
     Args:
         config: What is searched.
-        told: Called with every try.
+        report: Called with every try.
 
     Raises:
         MissingDependencyError: Optuna is not installed.
@@ -138,7 +138,7 @@ def find_break(config: BreakConfig, told: Callable[[Try], None] = lambda _: None
     except ImportError as error:
         raise MissingDependencyError('Optuna is not installed; pip install "carlaloc-env[search]"') from error
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    bench = _Bench(config, told)
+    bench = _Bench(config, report)
     for start_s in config.starts_s:
         # A system that fails without any cause is no case for a search.
         if bench.run({}, start_s).failed is not None:
@@ -147,47 +147,47 @@ def find_break(config: BreakConfig, told: Callable[[Try], None] = lambda _: None
     def objective(trial: Any) -> float:
         start_s = config.starts_s[trial.suggest_int("start", 0, len(config.starts_s) - 1)]
         # Below zero a quantity stays neutral: mild conditions have few causes.
-        shares = {one.name: trial.suggest_float(one.name, -1.0, 1.0) for one in config.ranges}
-        one = bench.run(shares, start_s)
-        return one.distance if one.failed is not None else _PASSED - _severity(one, config)
+        shares = {quantity.name: trial.suggest_float(quantity.name, -1.0, 1.0) for quantity in config.ranges}
+        tried = bench.run(shares, start_s)
+        return tried.distance if tried.failed is not None else _PASSED - _severity(tried, config)
 
     seed = config.sweep.drives.options.seed or 0
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True))
     study.optimize(objective, n_trials=config.tries)
-    failed = [one for one in bench.tries if one.failed is not None]
+    failed = [tried for tried in bench.tries if tried.failed is not None]
     if not failed:
         return BreakResult(tries=bench.tries, broken=None, passes=None)
-    broken, passes = _narrowed(bench, min(failed, key=lambda one: one.distance))
+    broken, passes = _narrowed(bench, min(failed, key=lambda tried: tried.distance))
     return BreakResult(tries=bench.tries, broken=broken, passes=passes)
 
 
-def _severity(one: Try, config: BreakConfig) -> float:
+def _severity(tried: Try, config: BreakConfig) -> float:
     """How near a run that passes is to failing, 0–1."""
-    most_m = config.ape_max_m or _STANDING * one.score.length_m
-    lost = (1.0 - one.score.coverage) / (1.0 - config.rule.coverage_min)
-    return min(max(one.score.ape_m / most_m, lost, 0.0), 1.0)
+    most_m = config.ape_max_m or _STANDING * tried.score.length_m
+    lost = (1.0 - tried.score.coverage) / (1.0 - config.rule.coverage_min)
+    return min(max(tried.score.ape_m / most_m, lost, 0.0), 1.0)
 
 
 def _narrowed(bench: _Bench, broken: Try) -> tuple[Try, Try]:
-    """The mildest failure near one, and the last that passes on the way to the neutral condition."""
+    """The mildest failure near one, and the last that passes between it and the neutral condition."""
     for name in sorted(broken.shares, key=lambda name: broken.shares[name]):
         fewer = {other: share for other, share in broken.shares.items() if other != name}
-        if (one := bench.run(fewer, broken.start_s)).failed is not None:
-            broken = one
+        if (tried := bench.run(fewer, broken.start_s)).failed is not None:
+            broken = tried
     whole, passes, low, high = broken.shares, bench.run({}, broken.start_s), 0.0, 1.0
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        one = bench.run({name: middle * share for name, share in whole.items()}, broken.start_s)
-        if one.failed is None:
-            passes, low = one, middle
+        tried = bench.run({name: middle * share for name, share in whole.items()}, broken.start_s)
+        if tried.failed is None:
+            passes, low = tried, middle
         else:
-            broken, high = one, middle
+            broken, high = tried, middle
     return broken, passes
 
 
-def _values(one: Try, config: BreakConfig) -> dict[str, float]:
+def _values(tried: Try, config: BreakConfig) -> dict[str, float]:
     """Value of every quantity."""
-    return {known.name: known.value(one.shares.get(known.name, 0.0)) for known in config.ranges}
+    return {quantity.name: quantity.value(tried.shares.get(quantity.name, 0.0)) for quantity in config.ranges}
 
 
 def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -> list[Path]:
@@ -202,34 +202,34 @@ def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -
     from recorder.replaying.replay import ReplayConfig, replay
 
     rows = [
-        {"start_s": one.start_s, "distance": one.distance, "failed": one.failed, "ape_m": one.score.ape_m,
-         "coverage": one.score.coverage, **_values(one, config)}
-        for one in result.tries
+        {"start_s": tried.start_s, "distance": tried.distance, "failed": tried.failed,
+         "ape_m": tried.score.ape_m, "coverage": tried.score.coverage, **_values(tried, config)}
+        for tried in result.tries
     ]  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
     written = [out / "tries.csv"]
     pd.DataFrame(rows).to_csv(written[0], index=False)
-    for name, one in (("broken", result.broken), ("passes", result.passes)):
-        if one is None:
+    for name, tried in (("broken", result.broken), ("passes", result.passes)):
+        if tried is None:
             continue
         condition = ConditionFile(
-            weather=one.setting.weather, traffic=one.setting.traffic,
-            lidar_weather=one.setting.lidar_weather, faults=one.setting.faults.to_mapping(),
-            start_s=one.start_s, duration_s=config.stretch_s, seed=config.sweep.drives.options.seed,
+            weather=tried.setting.weather, traffic=tried.setting.traffic,
+            lidar_weather=tried.setting.lidar_weather, faults=tried.setting.faults.to_mapping(),
+            start_s=tried.start_s, duration_s=config.stretch_s, seed=config.sweep.drives.options.seed,
         )  # fmt: skip
         written.append(out / f"{name}.yaml")
         written[-1].write_text(condition.to_yaml(), encoding="utf-8")
     folder = out / "counter_example"
     if result.broken is not None and not folder.exists():
-        one, drives = result.broken, config.sweep.drives
+        tried, drives = result.broken, config.sweep.drives
         options = replace(
-            drives.options, weathers=(one.setting.weather,), traffic=(one.setting.traffic,),
-            lidar_weather=one.setting.lidar_weather, faults=one.setting.faults, formats=("rosbag1",),
+            drives.options, weathers=(tried.setting.weather,), traffic=(tried.setting.traffic,),
+            lidar_weather=tried.setting.lidar_weather, faults=tried.setting.faults, formats=("rosbag1",),
         )  # fmt: skip
         fields = {name: getattr(options, name) for name in options.__dataclass_fields__}
         replay(
             ReplayConfig(
-                **fields, episode=drives.episodes[0], out=folder, start_s=one.start_s,
+                **fields, episode=drives.episodes[0], out=folder, start_s=tried.start_s,
                 duration_s=config.stretch_s, map=drives.map,
             )
         )  # fmt: skip

@@ -82,7 +82,7 @@ def distance(shares: Mapping[str, float]) -> float:
 def setting_at(base: Setting, ranges: tuple[Range, ...], shares: Mapping[str, float]) -> Setting:
     """The condition at some shares of the ranges; quantities at 0 stay as they are in the base."""
     setting = base
-    for one in ranges:
-        if shares.get(one.name, 0.0) > 0.0 or one.name == TRAFFIC:
-            setting = setting.changed(one.name, one.value(shares.get(one.name, 0.0)))
+    for quantity in ranges:
+        if shares.get(quantity.name, 0.0) > 0.0 or quantity.name == TRAFFIC:
+            setting = setting.changed(quantity.name, quantity.value(shares.get(quantity.name, 0.0)))
     return setting

@@ -5,13 +5,16 @@ from __future__ import annotations
 import argparse
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import fields
 from pathlib import Path
+from typing import Any, TypeVar, cast
 
 from carlaloc_env.core.errors import OutputError
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file, check_output_folder
 from recorder.episode.file_names import check_episode_output
 
+T = TypeVar("T")
 _PART_MAX_BYTES = 255
 """Longest name of a file or folder on common file systems."""
 
@@ -116,9 +119,27 @@ def _inputs(actions: list[argparse.Action], arguments: argparse.Namespace) -> It
             yield from value if isinstance(value, list) else [value]
 
 
+def option(
+    parser: argparse._ActionsContainer,
+    flag: str,
+    kind: Callable[[str], Any],
+    metavar: str,
+    text: str,
+    default: Any = None,
+) -> None:
+    """Add an option that takes a value, by the order of words in ``--help``: flag, value, text."""
+    parser.add_argument(flag, type=kind, default=default, metavar=metavar, help=text)
+
+
 def force_option(parser: argparse.ArgumentParser, what: str) -> None:
     """Add `--force`, which replaces an older file; a wrong suffix it does not overcome."""
     parser.add_argument("--force", action="store_true", help=f"replace {what}")
+
+
+def config_of(kind: type[T], arguments: argparse.Namespace, **given: Any) -> T:
+    """A configuration: its fields are the options of the same names, and those that are given."""
+    known = {field.name for field in fields(cast(Any, kind))} & vars(arguments).keys()
+    return kind(**{**{name: getattr(arguments, name) for name in known}, **given})
 
 
 def names(text: str) -> tuple[str, ...]:

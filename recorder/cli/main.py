@@ -57,14 +57,15 @@ def _main(argv: Sequence[str] | None) -> int:
     words = sys.argv[1:] if argv is None else list(argv)
     as_json = any(len(word) > 2 and "--json".startswith(word) for word in words)
     parser = make_parser()
-    told = StringIO()
+    printed = StringIO()
     try:
-        with redirect_stdout(told):
+        with redirect_stdout(printed):
             arguments = parser.parse_args(words)
     except UsageError as error:
         return _fail("", str(error), as_json=as_json, code=EXIT_USAGE)
     except SystemExit as stop:
-        print(to_json({"text": told.getvalue()}) if as_json else told.getvalue(), end="\n" if as_json else "")
+        text = printed.getvalue()
+        print(to_json({"text": text}) if as_json else text, end="\n" if as_json else "")
         return int(stop.code or 0)
     shown = logging.StreamHandler()
     shown.setLevel(logging.DEBUG if arguments.verbose else logging.WARNING)

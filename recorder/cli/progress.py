@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from contextlib import AbstractContextManager
 from typing import TextIO
 
 from recorder.cli.interrupts import raise_again
@@ -16,7 +17,7 @@ _OPEN = "{n:.0f} {unit}, {rate_noinv:.3g} {unit}/s{postfix}"
 _LEFT = "{n:.0f} of {total:.0f} {unit}, {rate_noinv:.3g} {unit}/s, {remaining} left{postfix}"
 
 
-class Progress:
+class Progress(AbstractContextManager["Progress"]):
     """Shows how much is done, the rate and the time left, both by what this run has done so far.
 
     As a context manager it leaves a terminal's line empty at the end.
@@ -49,9 +50,6 @@ class Progress:
             leave=False,
         )
 
-    def __enter__(self) -> Progress:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self._bar.last_print_t = time.time()
         self._bar.close()
@@ -72,7 +70,7 @@ class Progress:
         if self._first is None:
             self._first = bar.n = done
         if not self._is_under_way:
-            # What is built and compiled before the first progress says nothing about the rate.
+            # What is built and compiled before the first progress is no part of the rate.
             bar.initial, bar.start_t = done, time.time() - 1e-3
             self._is_under_way = done != self._first
         bar.total = None if total is None else max(total, done)
@@ -81,22 +79,22 @@ class Progress:
         bar.set_postfix_str(note, refresh=False)
         bar.update(done - bar.n)
 
-    def pieces(self, done: float, total: int, told: str | None) -> None:
+    def pieces(self, done: float, total: int, ended: str | None) -> None:
         """Take note of pieces of work, and write of one that has ended in a line of its own.
 
         Args:
             done: Pieces done, parts of those under way included.
             total: Pieces in all.
-            told: Text about the one that has ended; None: none has.
+            ended: Text about the one that has ended; None: none has.
 
         Raises:
             KeyboardInterrupt: the command was asked to end.
         """
         raise_again()
-        if told is None or self._is_terminal:
+        if ended is None or self._is_terminal:
             self.update(done, total)
-        if told is not None:
-            self._bar.write(f"{self._what}: {done:.0f} of {total}, {told}", file=self._stream)
+        if ended is not None:
+            self._bar.write(f"{self._what}: {done:.0f} of {total}, {ended}", file=self._stream)
 
 
 class _Lines:

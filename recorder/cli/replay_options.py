@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import ConfigError, UsageError
 from recorder.cli.arguments import (
     OutputFolder,
     input_path,
     names,
+    option,
     positive_int,
     positive_seconds,
     seconds,
     seed,
 )
+
+if TYPE_CHECKING:
+    from recorder.streaming.drive import DriveConfig
 
 
 def add_replay_options(
@@ -42,15 +48,10 @@ def add_replay_options(
         default="standard",
         help="topic profile of bags: standard, slam, paper, paper_seg, full, compact or compact_full",
     )
-    parser.add_argument("--workers", type=positive_int, metavar="N", help="processes; else one per core")
+    option(parser, "--workers", positive_int, "N", "processes; else one per core")
     parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
-    parser.add_argument(
-        "--unit",
-        type=positive_seconds,
-        default=10.0,
-        metavar="S",
-        help="seconds of the drive that a worker makes at a time (default: 10)",
-    )
+    text = "seconds of the drive that a worker makes at a time (default: 10)"
+    option(parser, "--unit", positive_seconds, "S", text, 10.0)
     parser.add_argument("--no-preview", action="store_true", help="make no films")
 
 
@@ -64,20 +65,11 @@ def add_condition_options(
         weathers: Default of ``--weather``.
         traffic: Default of ``--traffic``.
     """
-    parser.add_argument(
-        "--weather",
-        type=names,
-        default=weathers,
-        metavar="A,B",
-        help=f"weathers, or schedules (.yaml) (default: {','.join(weathers)})",
-    )
-    parser.add_argument(
-        "--traffic",
-        type=names,
-        default=traffic,
-        metavar="A,B",
-        help=f"dynamic, static, empty, fractions (default: {','.join(traffic)})",
-    )
+    for flag, default, text in (
+        ("--weather", weathers, "weathers, or schedules (.yaml)"),
+        ("--traffic", traffic, "dynamic, static, empty, fractions"),
+    ):
+        option(parser, flag, names, "A,B", f"{text} (default: {','.join(default)})", default)
     parser.add_argument(
         "--fault",
         action="append",
@@ -90,13 +82,11 @@ def add_condition_options(
         action=_ConditionAction,
         type=input_path,
         metavar="FILE",
-        help="weather, traffic, faults, stretch and seed of a .yaml file; options behind it go before it",
+        help="weather, traffic, faults, stretch and seed of a .yaml file; later options override it",
     )
     parser.add_argument("--lidar-weather", action="store_true", help="fog, rain and spray reach the LiDARs")
     parser.add_argument("--lens-drops", action="store_true", help="drops on the lenses while it rains")
-    parser.add_argument(
-        "--leaf-wind", type=seconds, default=0.0, metavar="M/S", help="wind that sways leaves [m/s]"
-    )
+    option(parser, "--leaf-wind", seconds, "M/S", "wind that sways leaves [m/s]", 0.0)
     parser.add_argument(
         "--rig",
         default="paper",
@@ -126,8 +116,8 @@ class _ConditionAction(argparse.Action):
 
 def add_stretch_options(parser: argparse._ActionsContainer) -> None:
     """Declare the stretch of a drive and the seed of its noise."""
-    parser.add_argument("--start", type=seconds, default=0.0, metavar="S", help="begin here [s]")
-    parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else to the end")
+    option(parser, "--start", seconds, "S", "begin here [s]", 0.0)
+    option(parser, "--duration", positive_seconds, "S", "length [s]; else to the end")
     parser.add_argument("--seed", type=seed, help="seed of sensor noise; else the episode's")
 
 
@@ -145,6 +135,22 @@ def condition_options(arguments: argparse.Namespace) -> dict[str, Any]:
         "faults": Faults.parse(arguments.fault),
         "leaf_wind_mps": arguments.leaf_wind,
     }
+
+
+def drive_config(arguments: argparse.Namespace, episodes: Iterable[Path], **given: Any) -> DriveConfig:
+    """Drives that are read as they are made, under the conditions and over the stretch of the options.
+
+    Args:
+        arguments: Options of `add_condition_options` and `add_stretch_options`, and ``--map``.
+        episodes: The drives.
+        given: Further fields of the configuration.
+    """
+    from recorder.replaying.plan import ReplayOptions
+    from recorder.streaming.drive import DriveConfig
+
+    options = ReplayOptions(**condition_options(arguments), seed=arguments.seed)
+    stretch = {"start_s": arguments.start, "duration_s": arguments.duration}
+    return DriveConfig(episodes=tuple(episodes), options=options, map=arguments.map, **stretch, **given)
 
 
 def replay_options(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -13,9 +13,7 @@ from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.physics.ego import EgoState
-from carlaloc_env.timeline.timeline import ActorFrame, Timeline
-from carlaloc_env.town.routing.route import Route
-from carlaloc_env.town.town import Town
+from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.traffic.stop_lines import StopLines
 from recorder.closed_loop.pose_source import PoseSource
 
@@ -33,27 +31,13 @@ class BelievedWorld:
 
     def __init__(self, world: DrivingWorld, source: PoseSource) -> None:
         self._world, self._source = world, source
+        self.town, self.route, self.timeline = world.town, world.route, world.timeline
         self._road = RoadAhead(world.town.network, world.route)
         self._road.start(self.state.position_m)
 
     def follow(self) -> None:
         """Take note of a step."""
         self._road.follow(self.state.position_m)
-
-    @property
-    def town(self) -> Town:
-        """Where it is."""
-        return self._world.town
-
-    @property
-    def route(self) -> Route:
-        """What the car shall follow."""
-        return self._world.route
-
-    @property
-    def timeline(self) -> Timeline:
-        """The true past."""
-        return self._world.timeline
 
     @property
     def now_ns(self) -> int:
@@ -119,5 +103,5 @@ class BelievedWorld:
 
 def _turn(T: Array, T_true: Array) -> float:
     """Believed less true heading [rad]."""
-    yaw, yaw_true = (np.arctan2(one[1, 0], one[0, 0]) for one in (T, T_true))
+    yaw, yaw_true = (np.arctan2(pose[1, 0], pose[0, 0]) for pose in (T, T_true))
     return float(wrap_angle(yaw - yaw_true))

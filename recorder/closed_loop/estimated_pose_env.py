@@ -65,7 +65,7 @@ class EstimatedPoseEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
         if self._observe is not None:
             self._view = agent_view(self._observe, self.world, self._base.stage)
             observation = self._view.reset(self.world)
-        return observation, self._told(info)
+        return observation, self._with_pose(info)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive a step; an estimator that has died truncates the episode."""
@@ -83,14 +83,14 @@ class EstimatedPoseEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
             self._standing_ns = self._standing_ns + step_ns if abs(speed_mps) < STANDING_MPS else 0
             self._view.follow(self.world)
             observation = self._view.observe(self.world, self._standing_ns * 1e-9)
-        return observation, float(reward), terminated, truncated, self._told(info)
+        return observation, float(reward), terminated, truncated, self._with_pose(info)
 
     def close(self) -> None:
         """Close the environment and end the estimator."""
         self.source.close()
         super().close()
 
-    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
+    def _with_pose(self, info: dict[str, Any]) -> dict[str, Any]:
         T_true = self.world.T_true
         T = self.source.believed(T_true)
         error_m = float(np.linalg.norm(T[:3, 3] - T_true[:3, 3]))

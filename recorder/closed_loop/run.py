@@ -70,7 +70,7 @@ class DriveScore:
     collision: bool
     red_lights: int
     lateral_mean_m: float
-    """Mean of the way to the left of the route's line while moving [m]."""
+    """Mean offset to the left of the route's line while moving [m]."""
     lateral_rms_m: float
     lateral_max_m: float
     lane_invasions: int
@@ -91,14 +91,14 @@ class DriveScore:
 
 def run_closed_loop(
     config: ClosedLoopConfig,
-    progress: Progress | None = None,
-    keep: Callable[[Sequence[DriveScore]], None] | None = None,
+    progress: Progress = lambda *_: None,
+    keep: Callable[[Sequence[DriveScore]], None] = lambda _: None,
 ) -> list[DriveScore]:
     """Drive every level and seed by every source of poses.
 
     Args:
         config: What to drive.
-        progress: Called as the drives go on.
+        progress: Called with the progress of the drives.
         keep: Called after each drive with all scores so far.
 
     Raises:
@@ -123,16 +123,16 @@ def run_closed_loop(
         wrapped, before_s = EstimatedPoseEnv(env, source), _processor_s()
         try:
             done = len(scores)
-            report = (lambda share: progress(done + share, len(plan), None)) if progress else None  # noqa: B023
-            score = drive(wrapped, name=name, traffic=traffic, seed=seed, report=report)
+            score = drive(
+                wrapped, name=name, traffic=traffic, seed=seed,
+                report=lambda share: progress(done + share, len(plan), None),  # noqa: B023
+            )  # fmt: skip
         finally:
             wrapped.close()
         scores.append(replace(score, cpu_per_s=(_processor_s() - before_s) / score.driven_s))
-        if keep is not None:
-            keep(scores)
-        if progress is not None:
-            text = f"{name}, {traffic}, seed {seed}: {score.ended_by}, {score.route_completion:.0%}"
-            progress(len(scores), len(plan), text)
+        keep(scores)
+        text = f"{name}, {traffic}, seed {seed}: {score.ended_by}, {score.route_completion:.0%}"
+        progress(len(scores), len(plan), text)
     return scores
 
 
@@ -157,7 +157,7 @@ def drive(
     name: str,
     traffic: str,
     seed: int,
-    report: Callable[[float], None] | None = None,
+    report: Callable[[float], None] = lambda _: None,
 ) -> DriveScore:
     """One episode of the scripted driver.
 
@@ -181,7 +181,7 @@ def drive(
         rows.append((info["route_s_m"], info["route_offset_m"], speed_mps, info["cost_terms"]["red_light"]))
         T_true.append(env.world.T_true)
         T_believed.append(info["believed_pose"])
-        if report is not None and len(rows) % 20 == 0:
+        if len(rows) % 20 == 0:
             report(info["route_completion"])
     wall_s = time.perf_counter() - began_s
     route_s_m, lateral_m, speed, red = np.array(rows).T

@@ -1,4 +1,4 @@
-"""A figure of consistency: NEES over the way, true against stated deviation, and the scatter at the end."""
+"""A figure of consistency: NEES over distance, true against stated deviation, and the scatter at the end."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def plot_consistency(result: ConsistencyResult, path: Path, *, overwrite: bool =
 
 
 def _nees(axes: Any, method: MethodConsistency, errors: PoseErrors) -> None:
-    axes.set(title=f"{method.title}: NEES of {len(errors.error)} runs", xlabel="way [m]", ylabel="NEES")
+    axes.set(title=f"{method.title}: NEES of {len(errors.error)} runs", xlabel="distance [m]", ylabel="NEES")
     found = method.compared(errors, "pose")
     if found is None:
         axes.text(0.5, 0.5, "states no covariance", ha="center", transform=axes.transAxes, color="grey")
@@ -67,9 +67,8 @@ def _deviations(axes: Any, errors: PoseErrors) -> None:
         if errors.covariance is not None:
             stated = np.sqrt(errors.covariance[..., k, k].mean(axis=0))
             axes.plot(errors.distance_m, 1000 * stated, style, color=_STATED, lw=1.4, label=f"stated, {axis}")
-    axes.set(
-        title="Deviation of the position between runs", xlabel="way [m]", ylabel="standard deviation [mm]"
-    )
+    title = "Deviation of the position between runs"
+    axes.set(title=title, xlabel="distance [m]", ylabel="standard deviation [mm]")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, ncols=2)
 

@@ -41,7 +41,7 @@ class PoseErrors:
     kind: str
     """Name of the kind of pairs."""
     distance_m: Array
-    """True way of the drive up to the second pose of each pair [m], shape (P,)."""
+    """True distance driven up to the second pose of each pair [m], shape (P,)."""
     error: Array
     """log(T_true⁻¹ · T_estimate) of the motion from the first to the second pose, `AXES`, shape (S, P, 6)."""
     covariance: Array | None
@@ -95,7 +95,7 @@ def pose_errors(
 
 
 def distance_pairs(travelled_m: Array, over_m: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pairs of poses so far apart along the way, each beginning where the last one ends."""
+    """Pairs of poses so far apart along the path, each beginning where the last one ends."""
     marks = np.arange(0.0, travelled_m[-1] + 1e-9, over_m)
     index = np.searchsorted(travelled_m, marks)
     return index[:-1], index[1:]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError, EvaluationError
 from recorder.benchmark.plan import Job
-from recorder.benchmark.run import BenchmarkConfig, run_benchmark
+from recorder.benchmark.run import BenchmarkConfig, Progress, run_benchmark
 from recorder.consistency.pairs import AXES, PoseErrors, Run, pose_errors
 from recorder.consistency.statistics import Consistency, consistency_of
 from recorder.dataset.sequence import RAW, SlamSequence
@@ -22,8 +22,6 @@ from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.worker import ESTIMATE
 from recorder.streaming.drive import DriveConfig
 
-Progress = Callable[[float, int, str | None], None]
-"""Called with runs done, runs in all, and the run that has ended, if one has."""
 _PARTS = {"pose": slice(0, 6), "position": slice(0, 3), "rotation": slice(3, 6)}
 
 
@@ -124,7 +122,7 @@ class ConsistencyResult:
         return [row for method in self.methods for row in method.rows()]
 
 
-def run_consistency(config: ConsistencyConfig, progress: Progress | None = None) -> ConsistencyResult:
+def run_consistency(config: ConsistencyConfig, progress: Progress = lambda *_: None) -> ConsistencyResult:
     """Run every estimator with every seed of noise, and compare its covariances with its errors.
 
     Errors are given in the axes of `base_link`, so that "along" is the direction of driving for all.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -56,25 +55,25 @@ class DemoConfig:
     """Length of the pictures [s]."""
 
 
-def first_look(config: DemoConfig, told: Callable[[float, int, str | None], None]) -> Path:
+def first_look(config: DemoConfig, report: RunProgress) -> Path:
     """Draw one instant of the drive: three weathers with and without movers, depth, semantics, LiDAR.
 
     Args:
         config: Where the picture goes.
-        told: Called with steps done, steps in all, and what the last one did.
+        report: Called with steps done, steps in all, and what the last one did.
 
     Raises:
         RenderError: OpenGL is missing.
         RaycastError: Open3D is missing.
         OutputError: the picture cannot be written.
     """
-    told(0, 3, None)
+    report(0, 3, None)
     episode = Episode.load(DRIVE)
     town = town_of(episode)
-    told(1, 3, f"{town.name} is built")
+    report(1, 3, f"{town.name} is built")
     stage = SensorStage(town, seed=episode.header.seed, weather=weather_by_name(LOOK_WEATHERS[0]))
     stage.renderer()
-    told(2, 3, "its textures and models are made")
+    report(2, 3, "its textures and models are made")
     timeline = episode.timeline()
     dynamic = pictures_of_instant(stage, timeline, LOOK_AT_S, LOOK_WEATHERS)
     alone = pictures_of_instant(stage, traffic_level("static").select(timeline), LOOK_AT_S, LOOK_WEATHERS)
@@ -85,7 +84,7 @@ def first_look(config: DemoConfig, told: Callable[[float, int, str | None], None
     image = cv2.cvtColor(rows_of_three(pictures | dynamic), cv2.COLOR_RGB2BGR)
     with atomic_write(path) as part:
         part.write_bytes(cv2.imencode(".jpg", image)[1].tobytes())
-    told(3, 3, "one instant is drawn")
+    report(3, 3, "one instant is drawn")
     return path
 
 

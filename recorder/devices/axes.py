@@ -15,7 +15,7 @@ class AxisShape:
     axis: int
     """Number of the axis."""
     rest: float
-    """Raw value when nobody touches it."""
+    """Raw value of an axis that is not touched."""
     full: float
     """Raw value that counts as +1: pedal down, or wheel fully to the left."""
     opposite: float | None = None

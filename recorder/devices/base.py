@@ -1,4 +1,4 @@
-"""What every input device is: a thing that turns what a driver sees into controls, tick by tick."""
+"""Interface of input devices: they turn the view of a driver into controls, tick by tick."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from carlaloc_env.core.errors import DeviceError
@@ -16,7 +16,7 @@ Ask = Callable[[str], None]
 AxisFound = tuple[int, float, float]
 """Axis, its raw value at rest, and at the end of its travel."""
 
-_MOVED = 0.4
+_TRAVEL_MIN = 0.4
 _HOLD_S = 0.6
 _TIMEOUT_S = 30.0
 _POLL_S = 0.01
@@ -42,7 +42,7 @@ def find_axis(
             continue
         end = max(values, key=lambda value: abs(value - rest))
         reach = abs(end - rest) * (0.5 if axis in taken else 1.0)
-        if abs(end - rest) >= _MOVED and (best is None or reach > best[0]):
+        if abs(end - rest) >= _TRAVEL_MIN and (best is None or reach > best[0]):
             best = (reach, axis, end)
     return None if best is None else (best[1], best[2])
 
@@ -142,6 +142,15 @@ def calibrate(kind: str, *, ask: Ask, inputs: Inputs | None = None, folder: Path
             source.close()
 
 
+def _polls(source: Inputs, limit_s: float) -> Iterator[None]:
+    """Take events in again and again, for some time [s]."""
+    end = time.monotonic() + limit_s
+    while time.monotonic() < end:
+        source.pump()
+        yield
+        time.sleep(_POLL_S)
+
+
 def _choose(source: Inputs, ask: Ask) -> Stick:
     sticks = list(source)
     if not sticks:
@@ -149,22 +158,17 @@ def _choose(source: Inputs, ask: Ask) -> Stick:
     if len(sticks) == 1:
         return sticks[0]
     ask(f"{len(sticks)} devices are connected: press any button on the one to calibrate.")
-    end = time.monotonic() + _TIMEOUT_S
-    while time.monotonic() < end:
-        source.pump()
+    for _ in _polls(source, _TIMEOUT_S):
         for press in source.presses:
             if press.stick is not None:
                 return press.stick
-        time.sleep(_POLL_S)
     raise DeviceError("no button was pressed; calibrate again")
 
 
 def _rest(source: Inputs, stick: Stick) -> list[float]:
     """Raw values after two seconds in which nothing has to happen."""
-    end = time.monotonic() + 2.0
-    while time.monotonic() < end:
-        source.pump()
-        time.sleep(_POLL_S)
+    for _ in _polls(source, 2.0):
+        pass
     return list(stick.raw)
 
 
@@ -182,9 +186,8 @@ def _find(
     ask(line)
     pressed: int | None = None
     samples: list[list[float]] = []
-    end, still_since, last = time.monotonic() + _TIMEOUT_S, time.monotonic(), list(stick.raw)
-    while time.monotonic() < end:
-        source.pump()
+    still_since, last = time.monotonic(), list(stick.raw)
+    for _ in _polls(source, _TIMEOUT_S):
         presses = [press.button for press in source.presses if press.stick is stick]
         if presses or max(abs(a - b) for a, b in zip(stick.raw, last, strict=True)) > 0.02:
             still_since, last = time.monotonic(), list(stick.raw)
@@ -192,20 +195,16 @@ def _find(
         samples.append(list(stick.raw))
         found = find_axis(rest, samples, taken)
         if time.monotonic() - still_since > _HOLD_S:
-            # Triggers may press a button on their way; the axis says more.
+            # Triggers may press a button on their way; the axis is worth more.
             if found is not None:
                 return found[0], rest[found[0]], found[1]
             if pressed is not None:
                 return pressed
-        time.sleep(_POLL_S)
     raise DeviceError("nothing has moved for 30 s; check the plug and calibrate again")
 
 
 def _wait_for_rest(source: Inputs, stick: Stick, rest: Sequence[float], ask: Ask) -> None:
     ask("Good. Let go.")
-    end = time.monotonic() + _TIMEOUT_S
-    while time.monotonic() < end:
-        source.pump()
+    for _ in _polls(source, _TIMEOUT_S):
         if all(abs(a - b) < 0.3 for a, b in zip(stick.raw, rest, strict=True)):
             return
-        time.sleep(_POLL_S)

@@ -1,4 +1,4 @@
-"""What a driver can ask for besides steering and pedals."""
+"""Commands of a driver besides steering and pedals."""
 
 from __future__ import annotations
 

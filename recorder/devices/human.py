@@ -36,7 +36,7 @@ _LOST_BRAKE, _LOST_RAMP_S, _LOST_STRAIGHTEN_S = 0.3, 1.0, 1.5
 class HumanDevice:
     """Drives by what people do; devices may come and go while it runs.
 
-    Of all connected sticks the first that fits steers; pedals of their own go before those of the
+    Of all connected sticks the first that fits steers; separate pedals are preferred to those of the
     wheel. While nothing that drives is connected, the car coasts, brakes gently and straightens.
     """
 
@@ -102,7 +102,7 @@ class HumanDevice:
 
     @property
     def message(self) -> str | None:
-        """What the driver must know about the devices, None when all is well."""
+        """A message about the devices for the driver, None when all is well."""
         if not self.is_connected:
             return f"{self._kind.upper()} UNPLUGGED: braking; plug it in again"
         if self._kind != "keyboard" and self._steering_raw() is None:
@@ -135,7 +135,7 @@ class HumanDevice:
         else:
             shaped = self._read_sticks(view.speed_mps)
         if shaped.throttle > 0.5:
-            # Whoever drives has found the pedals.
+            # The driver has found the pedals.
             self._guesses = []
         return replace(shaped, reverse=self._reverse)
 

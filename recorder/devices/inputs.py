@@ -1,4 +1,4 @@
-"""All that pygame tells about keys, wheels, pedals and pads, taken in by one pump."""
+"""Keys, wheels, pedals and pads as pygame reports them, read by one pump."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from carlaloc_env.core.errors import DeviceError, MissingDependencyError
 
-_MOVED = 0.02
+_STIRRED = 0.02
 
 
 @dataclass(slots=True, eq=False)
@@ -56,6 +56,25 @@ class Press:
     """Direction of a D-pad (right, up), −1…1; (0, 0) for others."""
 
 
+def import_pygame(needed_by: str) -> Any:
+    """The library, which prints nothing and leaves OpenGL alone.
+
+    Args:
+        needed_by: What needs it, for an error.
+
+    Raises:
+        MissingDependencyError: it is not installed.
+    """
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    # SDL would show images through an OpenGL context of its own, which breaks the renderer's.
+    os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
+    try:
+        import pygame
+    except ImportError as error:
+        raise MissingDependencyError(f"{needed_by} pygame ({error}); pip install pygame") from error
+    return pygame
+
+
 class Inputs:
     """Event queue of pygame; `pump` once per image."""
 
@@ -71,18 +90,9 @@ class Inputs:
             DeviceError: SDL cannot start what ``SDL_VIDEODRIVER`` names.
         """
         os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
-        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-        # SDL would show images through an OpenGL context of its own, which breaks the renderer's.
-        os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
         if not window:
             os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
-        try:
-            import pygame
-        except ImportError as error:
-            raise MissingDependencyError(
-                f"input devices need pygame ({error}); pip install pygame"
-            ) from error
-        self._pygame = pygame
+        self._pygame = pygame = import_pygame("input devices need")
         try:
             pygame.display.init()
             pygame.joystick.init()
@@ -147,7 +157,7 @@ class Inputs:
         elif event.type == hat:
             self.presses.append(Press(stick=stick, hat=event.value))
         elif event.axis < len(stick.raw):
-            stick.known[event.axis] |= abs(event.value - stick.raw[event.axis]) > _MOVED
+            stick.known[event.axis] |= abs(event.value - stick.raw[event.axis]) > _STIRRED
             stick.raw[event.axis] = float(event.value)
 
     def _add(self, index: int) -> None:
@@ -162,7 +172,7 @@ class Inputs:
                 usb=usb_of_guid(handle.get_guid()),
                 handle=handle,
                 raw=raw,
-                known=[abs(value) > _MOVED for value in raw],
+                known=[abs(value) > _STIRRED for value in raw],
             )
         except self._pygame.error:
             # It was pulled out between its event and now; the event of that is on its way.

@@ -1,4 +1,4 @@
-"""Keys for a drive that nobody steers: pause, camera, help, end."""
+"""Keys for a drive without a person at the wheel: pause, camera, help, end."""
 
 from __future__ import annotations
 

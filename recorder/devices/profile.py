@@ -1,4 +1,4 @@
-"""Profiles of wheels, pedals and gamepads: YAML files that say what each axis and button is."""
+"""Profiles of wheels, pedals and gamepads: YAML files that name each axis and button."""
 
 from __future__ import annotations
 
@@ -129,11 +129,7 @@ def known_profiles(folder: Path | None = None) -> list[DeviceProfile]:
 
 
 def match_profile(
-    usb: str,
-    name: str,
-    profiles: list[DeviceProfile],
-    kinds: tuple[str, ...] = KINDS,
-    axis_count: int = 64,
+    usb: str, name: str, profiles: list[DeviceProfile], kinds: tuple[str, ...] = KINDS, axis_count: int = 64
 ) -> DeviceProfile | None:
     """Profile of a device: by USB id, then by name, then a generic one of a fitting kind.
 

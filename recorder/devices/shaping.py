@@ -90,10 +90,8 @@ class KeyPedals:
         self._held_s = self._held_s + TICK_S if back else 0.0
         self._throttle = _moved(self._throttle, 1.0 if forward and not back else 0.0, 1.0, 0.3)
         self._brake = _moved(self._brake, (1.0 if self._held_s > 1.0 else 0.6) if back else 0.0, 1.0, 0.2)
-        return (
-            _in_unit(self._filters[0].update(self._throttle)),
-            _in_unit(self._filters[1].update(self._brake)),
-        )
+        throttle, brake = self._filters
+        return _in_unit(throttle.update(self._throttle)), _in_unit(brake.update(self._brake))
 
 
 def _moved(value: float, target: float, rise_s: float, fall_s: float) -> float:

@@ -14,6 +14,9 @@ from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from recorder.episode.episode import EgoRow, EpisodeWriter
 
+FIRST_DRIVEN_TICK = 2
+"""Ticks 0 and 1 are part of `DrivingWorld.reset`."""
+
 
 def ego_row(state: EgoState, controls: Controls, raw: Controls | None) -> EgoRow:
     """What an episode keeps of the ego after a tick."""

@@ -16,7 +16,7 @@ SLOW = 0.9
 
 
 class Pacer:
-    """Tells how many ticks are due, and how fast the world runs.
+    """Counts the ticks that are due, and measures how fast the world runs.
 
     Args:
         clock: Monotonic time [s].
@@ -34,11 +34,8 @@ class Pacer:
         self._owed_s += now - self._last_s
         self._last_s = now
         count = min(int(self._owed_s / TICK_S + 1e-9), MOST_TICKS)
-        self._owed_s = (
-            min(self._owed_s - count * TICK_S, TICK_S)
-            if count == MOST_TICKS
-            else (self._owed_s - count * TICK_S)
-        )
+        left_s = self._owed_s - count * TICK_S
+        self._owed_s = min(left_s, TICK_S) if count == MOST_TICKS else left_s
         self._history.append((now, count))
         while now - self._history[0][0] > _WINDOW_S:
             self._history.popleft()

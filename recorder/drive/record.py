@@ -1,4 +1,4 @@
-"""Record a drive: a device drives the ego through a living town, every tick goes to the episode."""
+"""Record a drive: a device drives the ego through a living town, every tick is written to the episode."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Progress = Callable[[float, float], None]
 """Called with seconds driven and metres along the route."""
 
 PATIENCE_S = 300.0
-"""A drive without a duration ends when the car has not got on for so long [s]; others wait 150 s at most."""
+"""A drive without a duration ends after so long without progress [s]; others wait 150 s at most."""
 VERSIONED = ("carlaloc-env", "pybullet", "numpy", "scipy")
 """Distributions whose versions shape a drive."""
 
@@ -92,7 +92,7 @@ class RecordResult:
     route_m: float
     """Distance along the route [m]."""
     driven_m: float
-    """Distance driven [m], in the plane; on a way of one's own it is not that along the route."""
+    """Distance driven [m], in the plane; it differs from that along the route where the driver leaves it."""
     collisions: int
     """Number of collisions."""
     violations: Mapping[str, int] = field(default_factory=dict)
@@ -104,7 +104,7 @@ class RecordResult:
     slowest: float = 1.0
     """Lowest speed of the world over real time, of drives in real time."""
     stuck: bool = False
-    """Whether a drive without a duration ended before its route did, since the car no longer got on."""
+    """Whether a drive without a duration ended early, since the car made no progress for `PATIENCE_S`."""
 
 
 def record(
@@ -188,7 +188,7 @@ class _Drive:
         self.session.status.headlamps = weather.at(0).is_night
 
     def in_window(self, opening: Opening) -> RecordResult:
-        """Drive in a window, which tells what is being done until the first image is drawn."""
+        """Drive in a window that shows loading progress until the first image is drawn."""
         driver = self._driver
         panel = driver if isinstance(driver, HumanDevice) else KeyPanel(Inputs(window=True))
         self._stack.callback(panel.close)

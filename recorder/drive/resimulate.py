@@ -14,21 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.config_mapping import from_mapping
-from carlaloc_env.driving.driving_world import DriveListener, DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.traffic.world import TrafficConfig
-from recorder.drive.episode_listener import ego_row
+from recorder.drive.episode_listener import FIRST_DRIVEN_TICK, ego_row
 from recorder.episode.actor_messages import pack_actors
 from recorder.episode.episode import Episode, EpisodeWriter
 from recorder.episode.town import town_of
 
-_FIRST_DRIVEN_TICK = 2
-"""Ticks 0 and 1 belong to the start of a drive."""
 _REPORT_TICKS = 200
 
 
@@ -101,7 +100,7 @@ def resimulate(
     out: Path | None = None,
     map: str | Path | None = None,
     overwrite: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[float, float], None] = lambda *_: None,
 ) -> Resimulation:
     """Drive an episode's controls again.
 
@@ -113,7 +112,7 @@ def resimulate(
         out: Episode to write of the second drive; None: only compare.
         map: Map of the drive, name or file; None: the town that the episode names.
         overwrite: Whether an older `out` is replaced.
-        progress: Called now and then with the ticks done and their total.
+        progress: Called now and then with the time of the drive that is driven again and its length [s].
 
     Raises:
         EpisodeError: the episode was edited, its map has changed, or `out` cannot be written.
@@ -132,26 +131,17 @@ def resimulate(
         world = DrivingWorld(town, from_mapping(TrafficConfig, header.traffic, f"{source}: traffic"))
         stack.callback(world.close)
         stack.callback(comparison.abandon)
-        _drive(world, episode, comparison, progress)
+        world.reset(episode.header.seed, comparison)
+        controls, total = episode.controls, len(episode.ego)
+        for tick in range(FIRST_DRIVEN_TICK, total):
+            world.tick(controls.at(tick))
+            if tick % _REPORT_TICKS == 0:
+                progress(tick * TICK_S, total * TICK_S)
         if comparison.writer is not None:
             for event in episode.events:
                 comparison.writer.event(event.tick, event.kind, event.data)
             comparison.writer.close()
     return _result(source, episode, comparison)
-
-
-def _drive(
-    world: DrivingWorld,
-    episode: Episode,
-    listener: DriveListener,
-    progress: Callable[[int, int], None] | None,
-) -> None:
-    world.reset(episode.header.seed, listener)
-    controls, total = episode.controls, len(episode.ego)
-    for tick in range(_FIRST_DRIVEN_TICK, total):
-        world.tick(controls.at(tick))
-        if progress is not None and tick % _REPORT_TICKS == 0:
-            progress(tick, total)
 
 
 def _result(source: Path, episode: Episode, comparison: _Comparison) -> Resimulation:

@@ -27,7 +27,7 @@ from recorder.episode.town import town_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherTraffic:
-    """What came of a drive among other traffic."""
+    """Result of a drive among other traffic."""
 
     path: str
     """The new episode."""
@@ -43,7 +43,7 @@ def change_traffic(
     factor: float = 1.0,
     map: str | Path | None = None,
     overwrite: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[float, float], None] = lambda *_: None,
 ) -> OtherTraffic:
     """Simulate the others anew with another seed; they see and give way to the recorded ego.
 
@@ -54,7 +54,7 @@ def change_traffic(
         factor: Numbers of vehicles and walkers, as a multiple of the recorded ones.
         map: Map of the drive, name or file; None: the town that the episode names.
         overwrite: Whether an older `out` is replaced.
-        progress: Called now and then with the steps done and their total.
+        progress: Called now and then with the time of the drive that is simulated and its length [s].
 
     Raises:
         EpisodeError: the episode's map has changed, or `out` exists.
@@ -77,8 +77,8 @@ def change_traffic(
             view = _view(episode.ego[min(tick, len(episode.ego) - 1)])
             frame = on_grid(world.reset(view) if step == 0 else world.step(view))
             contacts.count(_view(episode.ego[min(step * STEP_TICKS, len(episode.ego) - 1)]), frame)
-            if progress is not None and step % 100 == 0:
-                progress(step, count)
+            if step % 100 == 0:
+                progress(step * STEP_NS * 1e-9, count * STEP_NS * 1e-9)
             yield frame
 
     new = replace(header, catalog=world.catalog, seed=seed, traffic=asdict(config))

@@ -1,4 +1,4 @@
-"""A drive from start to end: in real time with a person and a window, or as fast as it goes."""
+"""A drive from start to end: in real time with a person and a window, or as fast as possible."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from recorder.devices.base import Device
 from recorder.devices.commands import Command
 from recorder.devices.human import HumanDevice
 from recorder.devices.panel import KeyPanel
-from recorder.drive.episode_listener import EpisodeListener
+from recorder.drive.episode_listener import FIRST_DRIVEN_TICK, EpisodeListener
 from recorder.drive.real_time_pacer import Pacer
 from recorder.drive.traffic_rules import RuleMonitor
 from recorder.episode.episode import Episode, EpisodeWriter
@@ -28,9 +28,7 @@ from recorder.window.status import DriveStatus
 _IDLE_S = 0.004
 _WARNING_S = 2.5
 _STEP_ON_M = 1.0
-"""Way that counts as getting on [m]."""
-_FIRST_DRIVEN_TICK = 2
-"""Ticks 0 and 1 are part of `DrivingWorld.reset`."""
+"""Distance that counts as progress [m]."""
 
 
 class Cockpit(Protocol):
@@ -84,7 +82,7 @@ class DriveSession:
         self._checkpoint = 0
         self._over = False
         self.stuck = False
-        """Whether the drive ended because the car no longer got on."""
+        """Whether the drive ended because the car made no progress."""
 
     def start(self) -> None:
         """Open the episode and put everybody in place."""
@@ -94,7 +92,7 @@ class DriveSession:
         """Drive to the end as fast as the machine can.
 
         Args:
-            patience_s: The drive also ends when the car has not got on along its route for so long [s].
+            patience_s: The drive also ends when the car makes no progress along its route for so long [s].
         """
         farthest_m, since = -math.inf, self._world.tick_count
         while not self._is_over():
@@ -110,7 +108,7 @@ class DriveSession:
         """Drive in real time until the end, or until the driver ends it.
 
         Args:
-            panel: Who takes in events: the device, or the keys of a drive that nobody steers.
+            panel: Who takes in events: the device, or the keys of a drive without a person at the wheel.
             cockpit: What shows the drive.
         """
         if cockpit is not None:
@@ -141,7 +139,7 @@ class DriveSession:
         """Drive by the controls of an episode up to a tick, its other events included."""
         arising = (*VIOLATIONS, "collision", "given_up", "end")
         kept = deque(event for event in episode.events if event.kind not in arising)
-        for tick in range(_FIRST_DRIVEN_TICK, ticks + 1):
+        for tick in range(FIRST_DRIVEN_TICK, ticks + 1):
             self.listener.raw = episode.raw_controls.at(tick)
             self._advance(episode.controls.at(tick))
             while kept and kept[0].tick <= self._world.tick_count:

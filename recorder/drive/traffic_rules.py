@@ -1,4 +1,4 @@
-"""What the ego does wrong while it drives: red lights, off the road, wrong way, too fast, off the route."""
+"""Violations of traffic rules by the ego: red lights, off the road, wrong way, too fast, off the route."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _CROSSED_M = 1.0
 
 
 class RuleMonitor:
-    """Looks on at 20 Hz and tells which violations begin.
+    """Watches a drive at 20 Hz for violations that begin.
 
     Args:
         network: Lanes of the town.
@@ -33,7 +33,7 @@ class RuleMonitor:
         self._line_m: float | None = None
         self._lasted_s = dict.fromkeys(_LASTS_S, 0.0)
         self.present: tuple[str, ...] = ()
-        """Violations that go on now."""
+        """Violations that last now."""
 
     def update(self, view: DriverView) -> list[str]:
         """Violations that begin at this step."""
@@ -70,10 +70,10 @@ class RuleMonitor:
         near = self._network.nearest(middle[None])
         lane, station = int(near.lane[0]), near.station_m[:1]
         width = float(self._network.width_m(near.lane[:1], station)[0])
-        slack = _JUNCTION_SLACK_M if self._network.lanes[lane].junction_id is not None else _OFF_ROAD_M
+        in_junction = self._network.lanes[lane].junction_id is not None
+        slack = _JUNCTION_SLACK_M if in_junction else _OFF_ROAD_M
         off = float(near.distance_m[0]) > 0.5 * width + slack
         heading = float(self._network.pose(near.lane[:1], station).heading_rad[0])
         turned = abs(math.remainder(view.heading_rad - heading, 2.0 * math.pi))
-        in_junction = self._network.lanes[lane].junction_id is not None
         wrong = turned > _WRONG_WAY_RAD and view.speed_mps > 2.0 and not in_junction and not off
         return off, wrong

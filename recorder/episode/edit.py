@@ -51,8 +51,7 @@ def cut_episode(source: Path, out: Path, start_s: float, end_s: float, *, overwr
     rows, kept = episode.ego[a : b + 2], episode.steps[first : last + 2]
     events = [replace(event, tick=event.tick - a) for event in episode.events if a <= event.tick <= b]
     header = _edited(episode.header, f"cut {start_s:g} to {end_s:g} s of {source.name}")
-    _write(out, header, rows, actor_frames(kept), kept["signals"], events, overwrite=overwrite)
-    return Episode.load(out)
+    return _write(out, header, rows, actor_frames(kept), kept["signals"], events, overwrite=overwrite)
 
 
 def join_episodes(first: Path, second: Path, out: Path, *, overwrite: bool = False) -> Episode:
@@ -85,8 +84,7 @@ def join_episodes(first: Path, second: Path, out: Path, *, overwrite: bool = Fal
     header = _edited(a.header, f"joined {first.name} and {second.name} at {len(head) * TICK_S:.3f} s")
     frames = [*actor_frames(head_frames), *actor_frames(b.steps)]
     signals = np.concatenate([head_frames["signals"], b.steps["signals"]])
-    _write(out, header, np.concatenate([head, tail]), frames, signals, events, overwrite=overwrite)
-    return Episode.load(out)
+    return _write(out, header, np.concatenate([head, tail]), frames, signals, events, overwrite=overwrite)
 
 
 def drop_actors(source: Path, out: Path, drop: Sequence[str], *, overwrite: bool = False) -> Episode:
@@ -138,8 +136,8 @@ def _keep(
     header = _edited(episode.header, f"{what} {source.name}")
     header = replace(header, catalog=episode.header.catalog.take(index))
     frames = (frame.take(index) for frame in actor_frames(episode.steps))
-    _write(out, header, episode.ego, frames, episode.steps["signals"], episode.events, overwrite=overwrite)
-    return Episode.load(out)
+    signals = episode.steps["signals"]
+    return _write(out, header, episode.ego, frames, signals, episode.events, overwrite=overwrite)
 
 
 def rewrite_traffic(
@@ -156,8 +154,7 @@ def rewrite_traffic(
     episode = Episode.load(source)
     events = [event for event in episode.events if event.kind != "collision"]
     edited = _edited(header, f"{what} of {source.name}")
-    _write(out, edited, episode.ego, frames, signals, events, overwrite=overwrite)
-    return Episode.load(out)
+    return _write(out, edited, episode.ego, frames, signals, events, overwrite=overwrite)
 
 
 def _edited(header: EpisodeHeader, what: str) -> EpisodeHeader:
@@ -173,7 +170,7 @@ def _write(
     events: Iterable[Event],
     *,
     overwrite: bool,
-) -> None:
+) -> Episode:
     waiting = sorted(events, key=lambda event: event.tick)
     later = enumerate(zip(frames, signals, strict=True))
     with EpisodeWriter(out, header, overwrite=overwrite, keep_cut=False) as writer:
@@ -188,6 +185,7 @@ def _write(
             writer.step(step, frame, heads)
         for event in waiting:
             writer.event(event.tick, event.kind, event.data)
+    return Episode.load(out)
 
 
 def _must_stand(rows: NDArray[np.void], where: str) -> None:

@@ -25,8 +25,8 @@ def check_episode_output(path: Path, *, overwrite: bool = False) -> Path:
     check_output_file(path, suffixes=(EPISODE_SUFFIX,), overwrite=overwrite)
     if recording_path(path).exists():
         raise OutputError(
-            f"{recording_path(path)} holds a drive that was not finished, or still goes on; choose another "
-            f"name, or make it whole first: {repair_command(path)}"
+            f"{recording_path(path)} holds a drive that was not finished, or is still recorded; choose "
+            f"another name, or make it whole first: {repair_command(path)}"
         )
     return path
 

@@ -1,4 +1,4 @@
-"""What stands at the head of an episode: all that a replay needs beside the motion itself."""
+"""Header of an episode: all that a replay needs beside the motion itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an episode amounts to: how far, how long, whether the loop closed, who took part."""
+"""Figures of an episode: distance, duration, closure of the loop, actors."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class EpisodeSummary:
     table_length_m: float | None
     """Length that the paper's Table III gives for this town's route [m], None where it gives none."""
     meets_table: bool | None
-    """Whether the distance driven (within 1 %) and loop are as the table says; None where it says nothing."""
+    """Whether the distance driven (within 1 %) and loop are as the table says; None where it gives none."""
     complete: bool
     """Whether the file is whole."""
     health: str

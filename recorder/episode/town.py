@@ -79,7 +79,7 @@ def check_kept_town(episode: Episode, town: TownId) -> None:
 
 
 def _check(episode: Episode, town: TownId, town_hash: str) -> None:
-    """Refuse a drive whose way may no longer lie on the roads.
+    """Refuse a drive whose path may no longer lie on the roads.
 
     Raises:
         EpisodeError: the town is another one than was driven in.

@@ -1,10 +1,11 @@
-"""Writes an episode as it happens; what is older than a second survives a killed process."""
+"""Writes an episode as it happens; all but the last second survives a killed process."""
 
 from __future__ import annotations
 
 import json
 import time
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
 
@@ -25,7 +26,7 @@ FLUSH_NS = 900_000_000
 """Longest stretch of the drive, and of real time, that waits for the disk [ns]."""
 
 
-class EpisodeWriter:
+class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
     """Appends ticks, steps and events; gives the file its final name when closed.
 
     As a context manager it closes the file at the end of the block; an exception inside leaves the
@@ -77,9 +78,6 @@ class EpisodeWriter:
         self._actors = self._file.add_channel(ACTORS)
         self._events = self._file.add_channel(EVENT)
         self._open = True
-
-    def __enter__(self) -> EpisodeWriter:
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -136,7 +134,7 @@ class EpisodeWriter:
             self._file.abandon()
             safe = "the drive until a second ago is safe there; make it whole with: "
             kept = f"; {safe}{repair_command(self.path)}" if self._keep_cut else ""
-            raise EpisodeError(f"cannot go on recording to {self._part}: {error.strerror}{kept}") from error
+            raise EpisodeError(f"cannot keep recording to {self._part}: {error.strerror}{kept}") from error
         self._flushed_at_s = time.monotonic()
 
     @property

@@ -60,7 +60,7 @@ def align(truth: Trajectory, estimate: Trajectory, alignment: Alignment) -> Simi
             f"'{estimate.name}' has {len(truth)} poses in common with the truth; alignment needs 3"
         )
     if alignment is Alignment.POSYAW:
-        return _posyaw(estimate, truth)
+        return _posyaw(truth, estimate)
     return umeyama(
         estimate.position_m, truth.position_m, with_scale=alignment is Alignment.SIM3, name=estimate.name
     )
@@ -70,14 +70,14 @@ def umeyama(x_m: Array, y_m: Array, *, with_scale: bool = False, name: str = "")
     """Rotation, shift and scale that map x to y with the least squares.
 
     Umeyama, "Least-squares estimation of transformation parameters between two point patterns",
-    IEEE TPAMI 13 (1991), equations 34–43. Of points on a line the rotation about it is any one; no distance
-    between partners depends on it.
+    IEEE TPAMI 13 (1991), equations 34–43. Points on a line leave the rotation about it open; no
+    distance between partners depends on it.
 
     Args:
         x_m: Points [m], shape (N, 3).
         y_m: Their partners [m], shape (N, 3).
         with_scale: Whether the scale is fitted.
-        name: What the points are called in an error.
+        name: Name of the points in an error.
 
     Raises:
         EvaluationError: the points do not spread.
@@ -101,15 +101,15 @@ def umeyama(x_m: Array, y_m: Array, *, with_scale: bool = False, name: str = "")
 def fit_attitudes(truth: Trajectory, estimate: Trajectory) -> Array:
     """Rotation that lays the attitudes of an estimate over the true ones, shape (3, 3).
 
-    Positions determine no roll about a straight way, attitudes do. It minimises the chordal distances of
+    Positions determine no roll about a straight path, attitudes do. It minimises the chordal distances of
     all pairs: Hartley et al., "Rotation averaging", IJCV 103 (2013), section 5.3.
 
     Args:
         truth: True poses, one per pair.
         estimate: Their partners.
     """
-    true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
-    U, _, Vt = np.linalg.svd(np.einsum("nij,nkj->ik", true, own))
+    true, estimated = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
+    U, _, Vt = np.linalg.svd(np.einsum("nij,nkj->ik", true, estimated))
     R: Array = (U * [1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     return R
 
@@ -117,15 +117,15 @@ def fit_attitudes(truth: Trajectory, estimate: Trajectory) -> Array:
 def attitude_errors_deg(truth: Trajectory, estimate: Trajectory) -> Array:
     """Angles between true and estimated attitudes [deg] after `fit_attitudes`, shape (N,)."""
     R = fit_attitudes(truth, estimate)
-    true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
-    rest = np.einsum("nji,njk->nik", true, R @ own)
+    true, estimated = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
+    rest = np.einsum("nji,njk->nik", true, R @ estimated)
     angles: Array = np.degrees(
         np.linalg.norm(transforms.quat_to_rotvec(transforms.matrix_to_quat(rest)), axis=-1)
     )
     return angles
 
 
-def _posyaw(estimate: Trajectory, truth: Trajectory) -> Similarity:
+def _posyaw(truth: Trajectory, estimate: Trajectory) -> Similarity:
     """Fit for systems that know the vertical (Zhang and Scaramuzza, IROS 2018, section V)."""
     mean_x, mean_y = estimate.position_m.mean(axis=0), truth.position_m.mean(axis=0)
     dx, dy = estimate.position_m - mean_x, truth.position_m - mean_y

@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
@@ -36,15 +37,19 @@ def write_covariances(path: Path, trajectory: Trajectory, covariance: Array) -> 
     Raises:
         EvaluationError: the file cannot be written.
     """
-    rows = zip(trajectory.stamp_ns.tolist(), covariance[:, _ROWS, _COLUMNS].tolist(), strict=True)
-    lines = [
-        f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(repr(value) for value in values)
-        for stamp, values in rows
-    ]
+    lines = stamped_lines(trajectory.stamp_ns, covariance[:, _ROWS, _COLUMNS])
     head = [f"{key} {word}" for key, word in _HEADER.items()]
     with atomic_write(path.with_suffix(SUFFIX), EvaluationError) as part:
         part.write_text("\n".join([*head, "# timestamp c11 c21 c22 c31 … c66", *lines]) + "\n", "utf-8")
     return path.with_suffix(SUFFIX)
+
+
+def stamped_lines(stamp_ns: NDArray[np.int64], values: Array) -> list[str]:
+    """Lines of stamps [ns], shape (N,), in seconds, and numbers, shape (N, M); all are read back exactly."""
+    return [
+        f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(map(repr, row))
+        for stamp, row in zip(stamp_ns.tolist(), values.tolist(), strict=True)
+    ]
 
 
 def read_covariances(path: Path, trajectory: Trajectory) -> Array | None:

@@ -43,8 +43,8 @@ class EvaluationResult:
     segments: tuple[SegmentError, ...]
     """Drift over segments of the path (KITTI)."""
     roll_from_attitudes: bool = False
-    """Whether the way is so straight that positions leave the roll about it open: the absolute rotation error
-    is that after the roll which fits attitudes best."""
+    """Whether the path is so straight that positions leave the roll about it open: the absolute rotation
+    error is that after the roll which fits attitudes best."""
 
     @property
     def matched(self) -> int:
@@ -128,7 +128,7 @@ def evaluate(
     values = {metric: errors(metric, true, aligned, delta=delta) for metric in metrics}
     if roll_open and Metric.APE_ROTATION in values:
         _LOG.warning(
-            "the way of '%s' is nearly straight: the alignment leaves the roll about it open, so the "
+            "the path of '%s' is nearly straight: the alignment leaves the roll about it open, so the "
             "rotation error is that after the roll that fits attitudes best", truth.name,
         )  # fmt: skip
         values[Metric.APE_ROTATION] = errors(Metric.APE_ROTATION, true, rolled(true, aligned))

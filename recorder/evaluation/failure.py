@@ -16,7 +16,7 @@ class FailRule:
 
     A run fails when its process ends with an error or passes its time limit, when it covers too little of
     the sequence, or when it has diverged: when its position error is more than half of what an estimate
-    that never moves has, so that it tells little of where the car was.
+    that never moves has, so that it shows little of where the car was.
     """
 
     coverage_min: float = 0.8

@@ -1,4 +1,4 @@
-"""Position errors of an estimate along its way, kept so that nobody has to evaluate it again."""
+"""Position errors of an estimate along its path, kept so that it need not be evaluated again."""
 
 from __future__ import annotations
 

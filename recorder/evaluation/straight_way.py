@@ -1,4 +1,4 @@
-"""The roll about a nearly straight way, which positions do not show."""
+"""The roll about a nearly straight path, which positions do not show."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.trajectory import Trajectory
 
 _NARROW, _LINE = 0.05, 1e-4
-"""Width of a way, against its length, below which it is nearly straight, and below which it is a line."""
+"""Width of a path, against its length, below which it is nearly straight, and below which it is a line."""
 _ERROR_MIN = 0.02
 """Position errors above this part of the width turn an alignment by a degree and more."""
 
 
 def roll_is_open(truth: Trajectory, aligned: Trajectory) -> bool:
-    """Whether a fit of positions leaves the roll about the way open: it is a line, or narrow beside errors.
+    """Whether a fit of positions leaves the roll about the path open: it is a line, or narrow beside errors.
 
     Args:
         truth: True poses, one per pair.
@@ -30,13 +30,13 @@ def roll_is_open(truth: Trajectory, aligned: Trajectory) -> bool:
 
 
 def rolled(truth: Trajectory, aligned: Trajectory) -> Trajectory:
-    """The estimate with its attitudes turned about the true way so that they fit best: see `roll_turn`."""
+    """The estimate with its attitudes turned about the true path so that they fit best: see `roll_turn`."""
     turn = roll_turn(truth, aligned)
     return replace(aligned, quat_xyzw=transforms.quat_multiply(turn, aligned.quat_xyzw))
 
 
 def roll_turn(truth: Trajectory, aligned: Trajectory) -> Array:
-    """Turn about the true way that fits an estimate's attitudes best, quaternion, shape (4,).
+    """Turn about the true path that fits an estimate's attitudes best, quaternion, shape (4,).
 
     The roll maximises Σ tr(R_truthᵀ R_roll R_est), the chordal measure of `fit_attitudes`, over turns about
     one axis.
@@ -46,15 +46,15 @@ def roll_turn(truth: Trajectory, aligned: Trajectory) -> Array:
         aligned: Their partners, laid over them.
     """
     axis = _extents(truth.position_m)[1]
-    true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, aligned))
-    M = np.einsum("nij,nkj->ik", own, true)
+    true, estimated = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, aligned))
+    M = np.einsum("nij,nkj->ik", estimated, true)
     sine = float(np.sum(axis * (M[1, 2] - M[2, 1], M[2, 0] - M[0, 2], M[0, 1] - M[1, 0])))
     cosine = float(np.trace(M) - axis @ M @ axis)
     return transforms.rotvec_to_quat(np.arctan2(sine, cosine) * axis)
 
 
 def _extents(position_m: Array) -> tuple[tuple[float, float], Array]:
-    """Spread along a way and beside it [m], and its direction, shape (3,)."""
+    """Spread along a path and beside it [m], and its direction, shape (3,)."""
     from_mean = position_m - position_m.mean(axis=0)
     values, vectors = np.linalg.eigh(from_mean.T @ from_mean / len(position_m))
     spread = np.sqrt(np.maximum(values, 0.0))

@@ -18,7 +18,7 @@ _GRID_S = 0.01
 _SAMPLES_MAX = 400_000
 """Longest signal of the first search: more than an hour."""
 _REACH_NS = 300_000_000
-"""How far from the first search's result the second one goes [ns]; noise displaces the first."""
+"""Reach of the second search about the result of the first, which noise displaces [ns]."""
 _AGREEMENT_MIN = 0.5
 """Least correlation of the two motions at the best offset."""
 

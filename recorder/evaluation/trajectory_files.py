@@ -12,6 +12,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError, unknown_name
 from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.geometry.transforms import rpy_to_quat
+from recorder.evaluation.covariance_files import stamped_lines
 from recorder.evaluation.pose_order import in_order
 from recorder.evaluation.tables.kitti_poses import matrix_place, poses_of
 from recorder.evaluation.tables.pose_columns import PoseColumns, columns_by_name, columns_by_place, has_units
@@ -46,7 +47,7 @@ def read_text_trajectory(
     Args:
         path: The file.
         times: Times of KITTI's poses, one a line; None: ``times.txt`` beside the file.
-        quaternion: ``xyzw`` or ``wxyz``, where no header tells; None: by form and motion.
+        quaternion: ``xyzw`` or ``wxyz``, where no header names them; None: by form and motion.
         time_unit: ``s``, ``ms``, ``us`` or ``ns``; None: by the header, else by size.
 
     Raises:
@@ -144,7 +145,7 @@ def _order(table: TextTable, unit: str, position_m: Array, quat: Array) -> str:
     by_motion = order_by_motion(position_m, quat)
     order = by_motion or by_form
     if not (tum or euroc) or order != by_form:
-        why = "the body then goes one way in its own frame" if by_motion else "the motion shows no order"
+        why = "the body then moves in one direction of its own" if by_motion else "the motion shows no order"
         _LOG.warning(
             "%s: quaternions are read as %s, since %s; --quaternion sets it", table.path, " ".join(order), why
         )
@@ -193,11 +194,7 @@ def _times(
 
 def tum_text(unix_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> str:
     """A TUM file: stamps [ns] (N,), positions [m] (N, 3), quaternions (N, 4); all read back exactly."""
-    rows = zip(unix_ns.tolist(), position_m.tolist(), quat_xyzw.tolist(), strict=True)
-    lines = [
-        f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(repr(value) for value in (*position, *quat))
-        for stamp, position, quat in rows
-    ]
+    lines = stamped_lines(unix_ns, np.hstack([position_m, quat_xyzw]))
     return "\n".join(["# timestamp tx ty tz qx qy qz qw", *lines]) + "\n"
 
 

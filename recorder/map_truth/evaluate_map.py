@@ -47,7 +47,7 @@ class MapTruthConfig:
     rig: str = "paper"
     """Rig whose LiDAR decides about visibility."""
     reach_m: float = 50.0
-    """Horizontal distance from the driven way within which surfaces and maps count [m]."""
+    """Horizontal distance from the driven path within which surfaces and maps count [m]."""
     distances_m: tuple[float, ...] = (0.1, 0.2, 0.5)
     """Distances d of precision and recall [m]."""
     points_per_m2: float = 4.0
@@ -114,7 +114,7 @@ class MapJudge:
     """
 
     def __init__(
-        self, config: MapTruthConfig, span_ns: tuple[int, int], report: Progress | None = None
+        self, config: MapTruthConfig, span_ns: tuple[int, int], report: Progress = lambda *_: None
     ) -> None:
         self.config = config
         level, lidar = traffic_level(config.traffic), lidar_of(rig_by_name(config.rig))
@@ -174,7 +174,7 @@ class MapJudge:
 def transform_of_map(result: EvaluationResult) -> Similarity:
     """The transform that lays a map over the world, that of the trajectory.
 
-    About a nearly straight way the alignment leaves the roll open, which turns walls far off that way by
+    About a nearly straight path the alignment leaves the roll open, which turns walls far off that path by
     metres. There the roll is the one that fits the attitudes.
     """
     fit = result.transform

@@ -113,15 +113,17 @@ def score_map(found: Distances, distances_m: Sequence[float]) -> tuple[MapScore,
     }
     for part, (of_map, of_surface) in parts.items():
         for tag in (None, *np.unique(found.surface_tag).tolist()):
-            own = of_map if tag is None else of_map & (found.map_tag == tag)
+            built = of_map if tag is None else of_map & (found.map_tag == tag)
             true = of_surface if tag is None else of_surface & (found.surface_tag == tag)
-            if own.any() or true.any():
+            if built.any() or true.any():
                 name = ALL if tag is None else Tag(tag).name.lower()
-                rows += [_row(part, name, d, found.map_m[own], found.surface_m[true]) for d in distances_m]
+                rows += [
+                    _score(part, name, d, found.map_m[built], found.surface_m[true]) for d in distances_m
+                ]
     return tuple(rows)
 
 
-def _row(part: str, tag: str, d: float, map_m: Array, surface_m: Array) -> MapScore:
+def _score(part: str, tag: str, d: float, map_m: Array, surface_m: Array) -> MapScore:
     precision, recall = (float((m < d).mean()) if len(m) else np.nan for m in (map_m, surface_m))
     both = precision + recall
     return MapScore(

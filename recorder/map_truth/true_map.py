@@ -63,7 +63,7 @@ def ever_visible(
     timeline: Timeline,
     lidar: LidarConfig,
     stamps_ns: NDArray[np.int64],
-    report: Progress | None = None,
+    report: Progress = lambda *_: None,
 ) -> Mask:
     """Which points of surfaces a LiDAR has had in sight at one of some stamps, shape (N,).
 
@@ -94,6 +94,5 @@ def ever_visible(
             lidar.range_max_m + REACHED_M,
         )
         seen[rows[hits.range_m >= distance - REACHED_M]] = True
-        if report is not None:
-            report(number + 1, len(stamps_ns))
+        report(number + 1, len(stamps_ns))
     return seen

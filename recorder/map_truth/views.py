@@ -1,4 +1,4 @@
-"""What a frame shows: the field of a camera or LiDAR, and the share of one frame that another one sees."""
+"""Content of a frame: the field of a camera or LiDAR, and the share of one frame that another one sees."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CAMERA_RANGE_M = 200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Field:
-    """Which way a sensor looks, and how far."""
+    """Directions in which a sensor looks, and its range."""
 
     range_max_m: float
     """Farthest surface that counts [m]."""
@@ -67,7 +67,7 @@ def _lidar_field(config: LidarConfig) -> Field:
     def holds(points_m: Array) -> Mask:
         distance = np.sqrt(np.sum(points_m**2, axis=1))
         up = np.arcsin(np.clip(points_m[:, 2] / np.maximum(distance, 1e-9), -1.0, 1.0))
-        # A ray along the outermost beam is in the field for all that rounding does.
+        # Rounding must not put a ray along the outermost beam outside.
         inside = (up >= up_rad[0] - 1e-6) & (up <= up_rad[-1] + 1e-6)
         return np.asarray(inside & (distance >= config.range_min_m) & (distance <= config.range_max_m))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,15 +19,13 @@ from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.timeline.timeline import Timeline
+from recorder.map_truth.true_map import Progress
 from recorder.map_truth.views import Field, look, seen_shares
-
-Progress = Callable[[float, float], None]
-"""Called with what is done and what there is to do."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frames:
-    """Frames of a drive at even distances along its way."""
+    """Frames of a drive at even distances along its path."""
 
     stamp_ns: NDArray[np.int64]
     """Times since the drive began [ns], shape (N,)."""
@@ -134,7 +131,7 @@ def find_pairs(
     *,
     within_m: float,
     count: int = 1000,
-    report: Progress | None = None,
+    report: Progress = lambda *_: None,
 ) -> Pairs:
     """All pairs of frames whose sensors lie within a distance, and their overlap.
 
@@ -155,8 +152,7 @@ def find_pairs(
     views = []
     for frames in (query, reference):
         views.append([look(rays, field, T, count) for T in frames.T_world_sensor])
-        if report is not None:
-            report(sum(map(len, views)), total)
+        report(sum(map(len, views)), total)
     shares = np.zeros((2, len(i)))
     for side, (eyes, others, eye, other) in enumerate(
         ((views[1], views[0], j, i), (views[0], views[1], i, j))
@@ -165,8 +161,7 @@ def find_pairs(
             rows = np.flatnonzero(eye == number)
             if len(rows):
                 shares[side, rows] = seen_shares(rays, field, view, [others[k] for k in other[rows]])
-        if report is not None:
-            report(total // 2 * (side + 2) / 2, total)
+        report(total // 2 * (side + 2) / 2, total)
     turn = np.einsum("nij,nij->n", query.T_world_sensor[i, :3, :3], reference.T_world_sensor[j, :3, :3])
     return Pairs(
         query=i,

@@ -154,7 +154,7 @@ class PlaceDrive:
             for stamp in self.frames.stamp_ns.tolist():
                 found = sensors.measure((stamp, stamp + STEP_NS))
                 yield [
-                    next(one.sample for one in found if one.weather in (None, number))
+                    next(measured.sample for measured in found if measured.weather in (None, number))
                     for number in range(len(recipe.conditions))
                 ]
                 report()
@@ -163,7 +163,7 @@ class PlaceDrive:
 
 
 def compare_places(
-    config: PlacesConfig, report: Callable[[float, float, str], None] | None = None
+    config: PlacesConfig, report: Callable[[float, float, str], None] = lambda *_: None
 ) -> PlacesResult:
     """Write tables of frames, pairs and scores.
 
@@ -175,7 +175,6 @@ def compare_places(
         CarlaLocError: a drive, the rig or a file cannot be used, or no query has a partner.
         MissingDependencyError: a baseline is not installed.
     """
-    tell = report or (lambda done, total, word: None)
     if "map_closures" in config.methods:
         check_map_closures()
     known = PlaceDrive(config, config.reference, (config.weather,), 0.0)
@@ -193,7 +192,7 @@ def compare_places(
     pairs = find_pairs(
         stage.rays(), field_of(known.sensor), asking.frames, known.frames,
         within_m=config.within_m, count=config.rays,
-        report=lambda done, total: tell(done, total * (1.5 if config.methods else 1.0), "overlap"),
+        report=lambda done, total: report(done, total * (1.5 if config.methods else 1.0), "overlap"),
     )  # fmt: skip
     stage.close()
     files = [
@@ -202,8 +201,9 @@ def compare_places(
         pairs.write(config.out / "pairs.csv"),
     ]
     for method in config.methods:
-        for weather, arrays in zip(config.query_weathers, _run(method, known, asking, tell), strict=True):
-            files.append(_keep(config.out / f"{method}_{Path(weather).stem}.npz", arrays))
+        of_weathers = _run_baseline(method, known, asking, report)
+        for weather, arrays in zip(config.query_weathers, of_weathers, strict=True):
+            files.append(_save_arrays(config.out / f"{method}_{Path(weather).stem}.npz", arrays))
             likeness = arrays.get("similarity")
             if likeness is None:
                 likeness = similarity_of(arrays["reference"], arrays["query"])
@@ -220,8 +220,8 @@ def compare_places(
     )
 
 
-def _run(
-    method: str, known: PlaceDrive, asking: PlaceDrive, tell: Callable[[float, float, str], None]
+def _run_baseline(
+    method: str, known: PlaceDrive, asking: PlaceDrive, report: Callable[[float, float, str], None]
 ) -> list[dict[str, Array]]:
     """What a baseline finds, a set of arrays for each weather of the queries."""
     count = len(known.frames) + len(asking.frames)
@@ -230,7 +230,7 @@ def _run(
     def step() -> None:
         nonlocal done
         done += 1
-        tell(done, 3 * count, method)
+        report(done, 3 * count, method)
 
     # Other noise than the reference's, or twins of a LiDAR that sees no weather would be copies.
     first, then = known.samples(0, step), asking.samples(1, step)
@@ -265,7 +265,7 @@ def _sensor(rig: SensorRig, kind: str) -> CameraConfig | LidarConfig:
     return replace(lidar_of(rig), outputs=("cloud",), weather=True)
 
 
-def _keep(path: Path, arrays: dict[str, Array]) -> Path:
+def _save_arrays(path: Path, arrays: dict[str, Array]) -> Path:
     with atomic_write(path) as part, part.open("wb") as file:
         np.savez_compressed(file, **cast(Any, arrays))
     return path
@@ -275,18 +275,17 @@ def _write_scores(config: PlacesConfig, scores: Mapping[tuple[str, str], PlaceSc
     names = ["method", "reference", "query", "weather", "query_weather", "queries", "least_overlap"]
     names += [f"recall_at_{n}" for n in AT] + ["average_precision", "recall_at_full_precision"]
     drives = config.reference.stem, (config.query or config.reference).stem
-    rows: list[list[object]] = [
-        [method, *drives, Path(config.weather).stem, weather, one.queries, config.least_overlap]
-        + [f"{v:.4f}" for v in (*one.recall.values(), one.average_precision, one.recall_at_full_precision)]
-        for (method, weather), one in scores.items()
-    ]
+    rows: list[list[object]] = []
+    for (method, weather), found in scores.items():
+        shares = (*found.recall.values(), found.average_precision, found.recall_at_full_precision)
+        facts = [Path(config.weather).stem, weather, found.queries, config.least_overlap]
+        rows.append([method, *drives, *facts, *(f"{share:.4f}" for share in shares)])
     return write_csv(config.out / "scores.csv", names, rows)
 
 
 def _write_curves(config: PlacesConfig, scores: Mapping[tuple[str, str], PlaceScore]) -> Path:
-    rows: list[list[object]] = [
-        [*key, *(f"{v:.4f}" for v in point)] for key, one in scores.items() for point in one.curve.tolist()
-    ]
-    return write_csv(
-        config.out / "precision_recall.csv", ["method", "query_weather", "recall", "precision"], rows
-    )
+    rows: list[list[object]] = []
+    for key, found in scores.items():
+        rows += [[*key, *(f"{share:.4f}" for share in point)] for point in found.curve.tolist()]
+    names = ["method", "query_weather", "recall", "precision"]
+    return write_csv(config.out / "precision_recall.csv", names, rows)

@@ -18,7 +18,7 @@ MARGIN_M = 15.0
 def plot_conditions(
     errors: Mapping[str, Mapping[str, PathErrors]], path: Path, lanes_m: Sequence[Array], title: str
 ) -> Path:
-    """Draw a row for each system: its way under every condition, coloured by errors, and those over time."""
+    """Draw a row for each system: its path under every condition, coloured by errors, and those over time."""
     columns = len(next(iter(errors.values()))) + 1
     figure = new_figure(5.0 * columns, 0.6 + 3.9 * len(errors))
     figure.suptitle(title, fontsize=14)
@@ -34,7 +34,7 @@ def plot_conditions(
 
 
 def draw_way(axes: Any, found: PathErrors, lanes_m: Sequence[Array], worst_m: float) -> Any:
-    """Draw the true way over the lanes, in the colours of the errors that were made there."""
+    """Draw the true path over the lanes, in the colours of the errors that were made there."""
     way = found.truth_m[:, :2]
     for lane in lanes_m:
         axes.plot(lane[:, 0], lane[:, 1], color="0.8", lw=0.8, zorder=1)

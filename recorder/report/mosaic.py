@@ -71,8 +71,9 @@ def joined(panels: Mapping[str, U8], places: Sequence[str] = tuple(PANELS), *, c
     Returns:
         The image, sRGB, shape (H, W, 3), in an array of its own.
     """
-    each = [panels[name] if name in panels else _blank(PANELS[name]) for name in places]
-    columns = _columns(len(each))
+    black = np.zeros((PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3), np.uint8)
+    each = [panels[name] if name in panels else labelled_panel(black, PANELS[name]) for name in places]
+    columns = len(each) if len(each) <= 3 else 2
     image = np.vstack([np.hstack(each[k : k + columns]) for k in range(0, len(each), columns)])
     if caption:
         _label(image, caption, (12, image.shape[0] - 12))
@@ -88,10 +89,6 @@ def panels_in(mosaic: U8) -> list[U8]:
     return [panel for row in rows for panel in np.split(row, width // PANEL_WIDTH_PX, axis=1)]
 
 
-def _columns(panels: int) -> int:
-    return panels if panels <= 3 else 2
-
-
 def labelled_panel(image: U8, text: str) -> U8:
     """An sRGB image in the size of a panel, its label at the top left."""
     size_px = (PANEL_WIDTH_PX, PANEL_HEIGHT_PX)
@@ -100,10 +97,6 @@ def labelled_panel(image: U8, text: str) -> U8:
     panel: U8 = np.ascontiguousarray(resized, dtype=np.uint8)
     _label(panel, text, (12, 24))
     return panel
-
-
-def _blank(text: str) -> U8:
-    return labelled_panel(np.zeros((PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3), np.uint8), text)
 
 
 def _label(image: U8, text: str, position_px: tuple[int, int]) -> None:

@@ -37,7 +37,7 @@ _MAP_FOVS_DEG = (42.0, 52.0, 64.0, 80.0, 100.0)
 _EYE_M = 1.6
 _VEHICLES = 220
 _SHRINK = 20.0
-"""How much smaller the town is drawn from above: its depths tell 0.4 m apart at 1 km."""
+"""How much smaller the town is drawn from above: its depths resolve 0.4 m at 1 km."""
 _CLEAR_M = 14.0
 """No vehicle stands nearer before a street view's eye [m]."""
 
@@ -163,7 +163,7 @@ def _labelled(image: U8, text: str) -> U8:
 
 
 def _mark(plan: U8, view: MapView, T: Array, text: str) -> None:
-    """Letter of a street view on the map, with an arrow the way it looks."""
+    """Letter of a street view on the map, with an arrow in its direction."""
     tip = T[:3, 3] + 16.0 * T[:3, 2]
     (a, b), _ = view.pixels(np.stack([T[:3, 3], tip]))
     cv2.arrowedLine(plan, a, b, (0, 0, 0), 5, cv2.LINE_AA, tipLength=0.35)

@@ -10,13 +10,10 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-import numpy as np
-
 from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError, unknown_name
-from carlaloc_env.core.geometry.transforms import matrix_to_quat
 from recorder.dataset.scans import Progress, Scan, ScanTimes, read_scans
 from recorder.evaluation.trajectory import Trajectory
-from recorder.slam.system import MIDDLE, FrameClock
+from recorder.slam.system import MIDDLE, FrameClock, trajectory_of
 from recorder.slam.systems import SYSTEMS
 
 _LOG = logging.getLogger(__name__)
@@ -41,7 +38,7 @@ class BagScans:
     bag: Path
     topic: str | None
     times: ScanTimes = field(default_factory=ScanTimes)
-    progress: Progress | None = None
+    progress: Progress = lambda *_: None
     stamps_ns: list[int] = field(default_factory=list, init=False)
     """Times of the first points of the scans that were read [ns]."""
     spans_s: list[float] = field(default_factory=list, init=False)
@@ -59,8 +56,7 @@ class BagScans:
                 self.stamps_ns.append(scan.stamp_ns)
                 self.spans_s.append(float(scan.time_s.max()))
                 yield scan
-            if self.progress is not None:
-                self.progress(number, count)
+            self.progress(number, count)
         if empty := number - len(self.stamps_ns):
             _LOG.warning("%s: %d of %d clouds have no points and are left out", self.bag, empty, number)
 
@@ -88,7 +84,7 @@ def run_odometry(
     bag: Path,
     method: str,
     topic: str | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda *_: None,
     *,
     times: ScanTimes | None = None,
 ) -> Trajectory:
@@ -117,10 +113,4 @@ def run_odometry(
     source = BagScans(bag, topic, times or ScanTimes(), progress)
     found = list(getattr(import_module(module), function)(source, FrameClock()))
     offset_ns = round((system.instant if source.has_times else MIDDLE) * source.sweep_s * 1e9)
-    T_world_lidar = np.stack([T for _, T in found])
-    return Trajectory(
-        stamp_ns=np.array([stamp_ns + offset_ns for stamp_ns, _ in found], np.int64),
-        position_m=T_world_lidar[:, :3, 3].copy(),
-        quat_xyzw=matrix_to_quat(T_world_lidar[:, :3, :3]),
-        name=method,
-    )
+    return trajectory_of(found, offset_ns, method)

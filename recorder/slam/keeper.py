@@ -3,7 +3,7 @@
 All that the command starts is ended with it, in whatever session it hides: orphans become children of this
 process, which is their subreaper. When the command ends, or this process gets SIGINT or SIGTERM, or its
 parent dies, all that still runs gets SIGINT, after `GRACE_S` SIGTERM and at last SIGKILL. Each is waited for
-here, so that the processor time that Linux tells of this process is that of all of them.
+here, so that the processor time of this process, as Linux reports it, is that of all of them.
 
 It ends as the command did, by the same status or signal, and imports nothing of ours: it runs by its path.
 """
@@ -85,23 +85,19 @@ def _reaped(child: int) -> int | None:
 
 def _end_all(child: int, *, running: bool) -> None:
     for number, grace_s in GRACE_S.items():
-        told: set[int] = set()
+        signalled: set[int] = set()
         until = time.monotonic() + grace_s
         while time.monotonic() < until:
             running = _reaped(child) is None and running
             left = set(descendants(os.getpid())) | ({child} if running else set())
             if not left:
                 return
-            for pid in left - told:
-                _tell(pid, number)
-            told |= left
+            for pid in left - signalled:
+                # It may have ended since it was seen.
+                with suppress(ProcessLookupError):
+                    os.kill(pid, number)
+            signalled |= left
             time.sleep(_POLL_S)
-
-
-def _tell(pid: int, number: int) -> None:
-    # It may have ended since it was seen.
-    with suppress(ProcessLookupError):
-        os.kill(pid, number)
 
 
 if __name__ == "__main__":

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from multiprocessing import Pipe
 from pathlib import Path
 from types import TracebackType
@@ -18,8 +16,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.feed_readings import NEXT
 from recorder.dataset.readings import ImuSample
 from recorder.dataset.scans import Scan
-from recorder.slam.keeper import kept
-from recorder.slam.supervisor import LOG
+from recorder.slam.supervisor import LOG, start_worker
 from recorder.slam.system import StampedPose
 from recorder.slam.systems import system_of
 
@@ -28,7 +25,7 @@ class DeadSystemError(EvaluationError):
     """A system has ended, hangs, or gives no pose that can be driven by."""
 
 
-class LiveSystem:
+class LiveSystem(AbstractContextManager["LiveSystem"]):
     """The process of a system, in lock-step with a drive; ended at the latest with the context.
 
     Args:
@@ -54,21 +51,9 @@ class LiveSystem:
         self._connection, other = Pipe()
         job = {"method": str(method), "rig": rig.to_yaml(), "connection": other.fileno()}
         (work / "job.json").write_text(json.dumps(job), encoding="utf-8")
-        threads = str(os.cpu_count() or 1)
-        with self._log.open("wb") as log:
-            self._process = subprocess.Popen(
-                kept([sys.executable, "-m", "recorder.slam.live_worker", str((work / "job.json").resolve())]),
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads},
-                start_new_session=True,
-                pass_fds=(other.fileno(),),
-            )
-        other.close()
+        threads = os.cpu_count() or 1
+        self._process = start_worker("live_worker", work / "job.json", self._log, threads, other)
         self._is_ready = False
-
-    def __enter__(self) -> LiveSystem:
-        return self
 
     def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
         self.close()
@@ -114,5 +99,5 @@ class LiveSystem:
 
     def _raise_ended(self) -> None:
         status = self._process.wait()
-        said = last_line(self._log) or f"it ended with {status}"
-        raise DeadSystemError(f"{self.system.title} has ended: {said}; log: {self._log}")
+        reason = last_line(self._log) or f"it ended with {status}"
+        raise DeadSystemError(f"{self.system.title} has ended: {reason}; log: {self._log}")

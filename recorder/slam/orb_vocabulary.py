@@ -28,7 +28,7 @@ BRANCHES, LEVELS = 10, 5
 FEATURES = 1000
 """Features of an image."""
 _ROUNDS = 10
-"""Rounds of k-majority at most; DBoW2 goes on until nothing changes, which differs little after these."""
+"""Rounds of k-majority at most; DBoW2 continues until nothing changes, which differs little after these."""
 _BITS_OF = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).sum(axis=1, dtype=np.uint8)
 """Number of ones of each byte."""
 
@@ -56,7 +56,7 @@ class Vocabulary:
 
 
 def train_vocabulary(
-    images: Iterator[U8], *, seed: int = 0, progress: Callable[[int], None] | None = None
+    images: Iterator[U8], *, seed: int = 0, progress: Callable[[int], None] = lambda _: None
 ) -> Vocabulary:
     """Vocabulary of the ORB features of some images.
 
@@ -74,8 +74,7 @@ def train_vocabulary(
         _, descriptors = orb.detectAndCompute(image, None)
         if descriptors is not None:
             found.append(descriptors)
-        if progress is not None:
-            progress(count)
+        progress(count)
     if sum(map(len, found)) < BRANCHES:
         raise EvaluationError("the images have hardly any features; give sequences with pictures by day")
     image_of = np.repeat(np.arange(len(found)), [len(d) for d in found])
@@ -89,14 +88,14 @@ def _tree(descriptors: U8, image_of: NDArray[np.int64], rng: np.random.Generator
     waiting = deque([(0, 0, np.arange(len(descriptors)))])
     while waiting:
         node, level, rows = waiting.popleft()
-        for centre, own in _clusters(descriptors, rows, rng):
+        for centre, members in _clusters(descriptors, rows, rng):
             child = len(made.parent)
             made.parent.append(node)
             made.descriptor.append(centre)
-            if level + 1 == LEVELS or len(own) == 1:
-                made.weight[child] = float(np.log(images / len(set(image_of[own].tolist()))))
+            if level + 1 == LEVELS or len(members) == 1:
+                made.weight[child] = float(np.log(images / len(set(image_of[members].tolist()))))
             else:
-                waiting.append((child, level + 1, own))
+                waiting.append((child, level + 1, members))
     return made
 
 
@@ -104,19 +103,19 @@ def _clusters(
     descriptors: U8, rows: NDArray[np.int64], rng: np.random.Generator
 ) -> list[tuple[U8, NDArray[np.int64]]]:
     """Centres and rows of at most `BRANCHES` clusters by k-majority, as k-means with Hamming distances."""
-    own = descriptors[rows]
+    features = descriptors[rows]
     if len(rows) <= BRANCHES:
-        return [(own[k], rows[k : k + 1]) for k in range(len(rows))]
-    centres = own[rng.choice(len(rows), BRANCHES, replace=False)]
+        return [(features[k], rows[k : k + 1]) for k in range(len(rows))]
+    centres = features[rng.choice(len(rows), BRANCHES, replace=False)]
     nearest = np.full(len(rows), -1)
     for _ in range(_ROUNDS):
-        distance = [_BITS_OF[own ^ centre].sum(axis=1, dtype=np.int64) for centre in centres]
+        distance = [_BITS_OF[features ^ centre].sum(axis=1, dtype=np.int64) for centre in centres]
         moved = np.argmin(distance, axis=0)
         if np.array_equal(moved, nearest):
             break
         nearest = moved
         for k in range(BRANCHES):
-            members = own[nearest == k]
+            members = features[nearest == k]
             if len(members):
                 ones = np.unpackbits(members, axis=1).sum(axis=0, dtype=np.int64)
                 centres[k] = np.packbits(2 * ones > len(members))
@@ -124,7 +123,7 @@ def _clusters(
 
 
 def write_vocabulary(
-    data: Path, out: Path, *, images: int = 150, progress: Callable[[float, float], None] | None = None
+    data: Path, out: Path, *, images: int = 150, progress: Callable[[float, float], None] = lambda *_: None
 ) -> int:
     """Train a vocabulary on evenly chosen left images of all sequences below a folder; the number of words.
 
@@ -142,11 +141,9 @@ def write_vocabulary(
         raise EvaluationError(f"{data} has no mav0/cam0; replay with --format rosbag1,euroc")
     chosen = [files[k] for k in np.unique(np.linspace(0, len(files) - 1, images).astype(int))]
 
-    def told(count: int) -> None:
-        if progress is not None:
-            progress(count, len(chosen))
-
     read = (cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in chosen)
-    vocabulary = train_vocabulary((image for image in read if image is not None), progress=told)
+    vocabulary = train_vocabulary(
+        (image for image in read if image is not None), progress=lambda count: progress(count, len(chosen))
+    )
     out.write_text(vocabulary.to_text(), encoding="ascii")
     return len(vocabulary.weight)

@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from recorder.slam.worker import ESTIMATE, FACTS, FRAMES
 
 LOG = "log.txt"
 """File with all that a system prints."""
-_POLL_S = 0.05
+_WATCH_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,10 +54,6 @@ class RunRecord:
         """The record of a run that never began."""
         return cls(error=error, wall_s=0.0, cpu_s=0.0, peak_memory_mb=float("nan"), cores=0)
 
-    def to_mapping(self) -> dict[str, Any]:
-        """The record as JSON values."""
-        return asdict(self)
-
 
 def run_isolated(
     method: str,
@@ -70,7 +66,7 @@ def run_isolated(
     stop: threading.Event | None = None,
     feed: Connection | None = None,
 ) -> RunRecord:
-    """Run a system over a sequence; its record says how it ended, whatever happens to it.
+    """Run a system over a sequence; its record holds how it ended, whatever happens to it.
 
     Nothing that it has started outlives the run, see `recorder.slam.keeper`.
 
@@ -98,32 +94,45 @@ def run_isolated(
         "feed": None if feed is None else feed.fileno(),
     }
     (out / "job.json").write_text(json.dumps(job) + "\n", encoding="utf-8")
-    threads = str(len(cores) or os.cpu_count() or 1)
-    environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+    threads = len(cores) or os.cpu_count() or 1
     began = time.monotonic()
-    with (out / LOG).open("wb") as log:
-        child = subprocess.Popen(
-            kept([sys.executable, "-m", "recorder.slam.worker", str(out / "job.json")]),
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            env=environment,
-            start_new_session=True,
-            pass_fds=() if feed is None else (feed.fileno(),),
-        )
-        if feed is not None:
-            feed.close()
-        if cores and hasattr(os, "sched_setaffinity"):
-            os.sched_setaffinity(child.pid, cores)
-        memory = _PeakMemory(child.pid)
-        status, usage = _wait(child, began + limit_s, stop, memory)
+    child = start_worker("worker", out / "job.json", out / LOG, threads, feed)
+    if cores and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(child.pid, cores)
+    memory = _PeakMemory(child.pid)
+    status, usage = _wait(child, began + limit_s, stop, memory)
     ended = _Ended(status, usage.ru_utime + usage.ru_stime, memory.peak_mb, time.monotonic() - began)
-    return _record(out, ended, limit_s, int(threads))
+    return _record(out, ended, limit_s, threads)
+
+
+def start_worker(
+    module: str, job: Path, log: Path, threads: int, connection: Connection | None
+) -> subprocess.Popen[bytes]:
+    """Start a module of `recorder.slam` in a process of its own, below a keeper.
+
+    Args:
+        module: Name of the module, ``worker`` or ``live_worker``.
+        job: File with its job.
+        log: File that receives all that it prints.
+        threads: Threads of libraries that compute.
+        connection: What it reads from; closed here when the process has it.
+    """
+    limits = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), str(threads))
+    with log.open("wb") as output:
+        child = subprocess.Popen(
+            kept([sys.executable, "-m", f"recorder.slam.{module}", str(job.resolve())]),
+            stdout=output, stderr=subprocess.STDOUT, env=os.environ | limits, start_new_session=True,
+            pass_fds=() if connection is None else (connection.fileno(),),
+        )  # fmt: skip
+    if connection is not None:
+        connection.close()
+    return child
 
 
 class _PeakMemory:
     """Largest resident memory of all that a process has started, asked for while it runs.
 
-    What the system tells of an ended child counts its parent's memory as well: it is taken before `exec`.
+    The system's figure of an ended child includes its parent's memory: it is taken before `exec`.
     """
 
     def __init__(self, pid: int) -> None:
@@ -170,20 +179,20 @@ def _wait(
                 return None, _ended(child)
             if stop is not None and stop.is_set():
                 raise KeyboardInterrupt
-            time.sleep(_POLL_S)
+            time.sleep(_WATCH_S)
     except BaseException:
         _ended(child)
         raise
 
 
 def _ended(child: subprocess.Popen[bytes]) -> Any:
-    """What a process used that is asked to end all that it keeps, and then ended itself."""
+    """Ask a process to end all that it keeps, end it, and return what it used."""
     below = descendants(child.pid)
     child.terminate()
     until = time.monotonic() + sum(GRACE_S.values()) + 2.0
     pid, status, usage = 0, 0, None
     while not pid and time.monotonic() < until:
-        time.sleep(_POLL_S)
+        time.sleep(_WATCH_S)
         pid, status, usage = os.wait4(child.pid, os.WNOHANG)
     if not pid:
         for one in (child.pid, *below):

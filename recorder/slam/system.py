@@ -1,11 +1,11 @@
-"""What must be known of a SLAM system to run it and to score it."""
+"""Description of a SLAM system: all that is needed to run it and to score it."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -14,9 +14,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.geometry.transforms import matrix_to_quat, transform
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.align import Alignment
+from recorder.evaluation.trajectory import Trajectory
 
 StampedPose: TypeAlias = tuple[int, Array]
 """Stamp of the input that a pose belongs to [ns], and the pose (4, 4), system's frame to its world."""
@@ -43,11 +48,42 @@ class FrameClock:
 
     @contextmanager
     def frame(self, count: int = 1) -> Iterator[None]:
-        """Around all that the system does with one frame, or with some that are not told apart."""
+        """Around all that the system does with one frame, or with several that cannot be timed one by one."""
         wall, cpu = time.perf_counter(), time.process_time()
         yield
         self.wall_s += [(time.perf_counter() - wall) / count] * count
         self.cpu_s += [(time.process_time() - cpu) / count] * count
+
+
+def trajectory_of(poses: Sequence[StampedPose], offset_ns: int, name: str) -> Trajectory:
+    """Poses at the instants that they belong to; those that are not finite are left out.
+
+    Args:
+        poses: Poses by the stamps of their inputs.
+        offset_ns: Time from such a stamp to the instant of the pose [ns].
+        name: What gave them.
+
+    Raises:
+        EvaluationError: no pose is finite.
+    """
+    if not poses:
+        raise EvaluationError(f"{name} gave no pose")
+    T = np.stack([pose for _, pose in poses])
+    finite = np.isfinite(T).all(axis=(1, 2))
+    if not finite.any():
+        raise EvaluationError(f"{name} gave no pose that is finite")
+    return Trajectory(
+        stamp_ns=np.array([stamp for stamp, _ in poses], np.int64)[finite] + offset_ns,
+        position_m=T[finite, :3, 3].copy(),
+        quat_xyzw=matrix_to_quat(T[finite, :3, :3]),
+        name=name,
+    )
+
+
+def stamped_poses(trajectory: Trajectory) -> list[StampedPose]:
+    """The poses of a trajectory, each with its stamp."""
+    poses = transform(trajectory.position_m, trajectory.quat_xyzw)
+    return list(zip(trajectory.stamp_ns.tolist(), poses, strict=True))
 
 
 Runner: TypeAlias = Callable[[SlamSequence, FrameClock], Iterable[StampedPose]]

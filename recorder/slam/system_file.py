@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.files.config_mapping import from_mapping
 from carlaloc_env.core.files.text_files import read_text
 from recorder.dataset.sequence import SlamSequence
 from recorder.slam.ros1.runner import Ros1Node
@@ -22,7 +23,7 @@ _INPUTS = ("lidar", "imu", "stereo")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SystemFile:
-    """What such a file says; name, title, needs and frame must be there, and a command or a ROS 1 node."""
+    """Keys of such a file; name, title, needs and frame must be there, and a command or a ROS 1 node."""
 
     name: str
     """Name of its results."""
@@ -54,7 +55,7 @@ class SystemFile:
             if need not in _INPUTS:
                 raise ConfigError(unknown_name("input", need, _INPUTS))
         if bool(self.command) == (self.ros1 is not None):
-            raise ConfigError(f"'{self.name}' must have either 'command' or 'ros1'; see docs/your-system.md")
+            raise ConfigError(f"'{self.name}' must have either 'command' or 'ros1'")
         wanted = "{out}" if self.topic is None else "{out_bag}"
         if self.command and not any(wanted in word for word in self.command):
             raise ConfigError(f"the command of '{self.name}' names no {wanted} to write its poses to")
@@ -97,23 +98,16 @@ def read_system_file(path: Path) -> SystemFile:
         found: Any = yaml.safe_load(read_text(path, "description of a system", ConfigError))
     except yaml.YAMLError as error:
         raise ConfigError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
-    if not isinstance(found, dict):
-        raise ConfigError(f"{path} describes no system; see docs/your-system.md")
-    known = [field.name for field in fields(SystemFile)]
-    for key in found:
-        if key not in known:
-            raise ConfigError(f"{path}: {unknown_name('key', str(key), known)}")
-    here = str(path.resolve().parent)
-    given = {key: _value(key, value, here) for key, value in found.items()}
     try:
-        return SystemFile(**given)
-    except TypeError as error:
-        missing = [name for name in known[:4] if name not in found]
-        raise ConfigError(f"{path} lacks {', '.join(missing) or error}; see docs/your-system.md") from error
+        return from_mapping(SystemFile, _with_folder(found, str(path.resolve().parent)), str(path))
+    except ConfigError as error:
+        raise ConfigError(f"{error}; see docs/your-system.md") from error
 
 
-def _value(key: str, value: Any, here: str) -> Any:
-    """A value as `SystemFile` has it, with the file's folder in place of ``{here}``."""
+def _with_folder(value: Any, here: str) -> Any:
+    """A value with the file's folder in place of ``{here}``; words of a list are texts."""
+    if isinstance(value, dict):
+        return {key: _with_folder(item, here) for key, item in value.items()}
     if isinstance(value, list):
-        return tuple(str(word).replace("{here}", here) for word in value)
-    return Ros1Node.from_mapping(value, here) if key == "ros1" else str(value)
+        return [str(word).replace("{here}", here) for word in value]
+    return value

@@ -10,91 +10,55 @@ from recorder.slam.system import END, MIDDLE, START, System
 from recorder.slam.system_file import read_system_file
 
 _RUNNERS = "recorder.slam.runners"
-_EVALIO = "evalio's pipelines return the pose at the stamp of the sweep"
 
 
-def _evalio(name: str, title: str, what: str, *needs: str) -> System:
+def _lidar(
+    name: str, title: str, what: str, instant: float, why: str, *, inertial: bool = False, package: str = ""
+) -> System:
     return System(
-        name=name,
-        title=title,
-        what=f"{what}, in evalio",
-        needs=("lidar", "imu", *needs),
-        runner=f"{_RUNNERS}.evalio:{name}",
-        frame="imu",
-        instant=START,
-        instant_source=_EVALIO,
-        library="evalio",
-        package="evalio",
-    )
+        name=name, title=title, what=what, needs=("lidar", "imu") if inertial else ("lidar",),
+        runner=f"{_RUNNERS}.{name}:run_{name}", frame="imu" if inertial else "lidar", instant=instant,
+        instant_source=why, library=name, package=package or name,
+    )  # fmt: skip
+
+
+def _evalio(name: str, title: str, what: str) -> System:
+    return System(
+        name=name, title=title, what=f"{what}, in evalio", needs=("lidar", "imu"),
+        runner=f"{_RUNNERS}.evalio:{name}", frame="imu", instant=START,
+        instant_source="evalio's pipelines return the pose at the stamp of the sweep",
+        library="evalio", package="evalio",
+    )  # fmt: skip
 
 
 def _orbslam3(name: str, title: str, mode: str, frame: str, *needs: str) -> System:
     return System(
-        name=name,
-        title=title,
-        what=f"ORB-SLAM3 (Campos et al. 2021), {mode}, without loop closures",
-        needs=needs,
-        runner=f"{_RUNNERS}.orbslam3:{mode.replace('-', '_')}",
-        frame=frame,
-        library="pyorbslam3",
-        package="pyorbslam3",
-        extra="orbslam3",
-        python="CARLALOC_ORBSLAM3_PYTHON",
-        file="CARLALOC_ORBSLAM3_VOCABULARY",
+        name=name, title=title, what=f"ORB-SLAM3 (Campos et al. 2021), {mode}, without loop closures",
+        needs=needs, runner=f"{_RUNNERS}.orbslam3:{mode.replace('-', '_')}", frame=frame,
+        library="pyorbslam3", package="pyorbslam3", extra="orbslam3",
+        python="CARLALOC_ORBSLAM3_PYTHON", file="CARLALOC_ORBSLAM3_VOCABULARY",
         file_hint="give ORBvoc.txt of its authors, or train one: carlaloc vocabulary DATA --out orb.txt",
-    )
+    )  # fmt: skip
 
 
 SYSTEMS = {
     system.name: system
     for system in (
-        System(
-            name="kiss_icp",
-            title="KISS-ICP",
-            what="LiDAR odometry (Vizzo et al. 2023)",
-            needs=("lidar",),
-            runner=f"{_RUNNERS}.kiss_icp:run",
-            frame="lidar",
-            instant=END,
-            instant_source="KISS-ICP ≥ 1.2 moves all points to the sweep's end",
-            library="kiss_icp",
-            package="kiss-icp",
+        _lidar(
+            "kiss_icp", "KISS-ICP", "LiDAR odometry (Vizzo et al. 2023)", END,
+            "KISS-ICP ≥ 1.2 moves all points to the sweep's end", package="kiss-icp",
         ),
-        System(
-            name="genz_icp",
-            title="GenZ-ICP",
-            what="LiDAR odometry (Lee et al. 2025)",
-            needs=("lidar",),
-            runner=f"{_RUNNERS}.genz_icp:run",
-            frame="lidar",
-            instant=MIDDLE,
-            instant_source="GenZ-ICP moves all points to the sweep's middle, as KISS-ICP did before 1.2",
-            library="genz_icp",
-            package="genz-icp",
+        _lidar(
+            "genz_icp", "GenZ-ICP", "LiDAR odometry (Lee et al. 2025)", MIDDLE,
+            "GenZ-ICP moves all points to the sweep's middle, as KISS-ICP did before 1.2", package="genz-icp",
         ),
-        System(
-            name="small_gicp",
-            title="small_gicp",
-            what="scan-to-map GICP (Koide 2024)",
-            needs=("lidar",),
-            runner=f"{_RUNNERS}.small_gicp:run",
-            frame="lidar",
-            instant=MIDDLE,
-            instant_source="a sweep that is not compensated shows its middle best",
-            library="small_gicp",
-            package="small_gicp",
+        _lidar(
+            "small_gicp", "small_gicp", "scan-to-map GICP (Koide 2024)", MIDDLE,
+            "a sweep that is not compensated shows its middle best",
         ),
-        System(
-            name="rko_lio",
-            title="RKO-LIO",
-            what="LiDAR-inertial odometry (Malladi et al. 2025)",
-            needs=("lidar", "imu"),
-            runner=f"{_RUNNERS}.rko_lio:run",
-            frame="imu",
-            instant=END,
-            instant_source="its own stamps are the ends of the sweeps",
-            library="rko_lio",
-            package="rko_lio",
+        _lidar(
+            "rko_lio", "RKO-LIO", "LiDAR-inertial odometry (Malladi et al. 2025)", END,
+            "its own stamps are the ends of the sweeps", inertial=True,
         ),
         _evalio("loam", "LOAM", "LiDAR odometry by features (McGann's LOAM)"),
         _evalio("lio_sam", "LIO-SAM", "LiDAR-inertial smoothing (Shan et al. 2020)"),
@@ -113,7 +77,7 @@ SYSTEMS = {
             frame="camera",
         ),
     )
-}
+}  # fmt: skip
 """Systems by name."""
 
 

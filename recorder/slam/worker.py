@@ -9,6 +9,7 @@ import json
 import runpy
 import signal
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -16,14 +17,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from carlaloc_env.core.geometry.transforms import matrix_to_quat
+from carlaloc_env.core.errors import CarlaLocError
 from recorder.dataset.feed_readings import FeedReadings
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.covariance_files import SUFFIX, write_covariances
-from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
-from recorder.slam.system import FrameClock, Runner, StampedPose, System
+from recorder.slam.system import FrameClock, Runner, System, trajectory_of
 from recorder.slam.system_file import is_system_file, read_system_file
 from recorder.slam.systems import system_of
 
@@ -31,13 +30,12 @@ ESTIMATE, FRAMES, FACTS = "estimate.tum", "frames.csv", "facts.json"
 """Files that it leaves: poses, times of frames, version and counts."""
 
 
-def main(job_file: str) -> int:
-    """Run one job; what went wrong is the last line on stderr."""
+def work_process(work: Callable[[dict[str, Any]], None]) -> int:
+    """Do the job whose file is named on the command line; an error is the last line on stderr."""
     # Asked to end, it ends without words: the last line of its log is the system's.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    job = json.loads(Path(job_file).read_text(encoding="utf-8"))
     try:
-        run_job(job)
+        work(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")))
     except CarlaLocError as error:
         print(error, file=sys.stderr)  # noqa: T201
         return 1
@@ -61,10 +59,10 @@ def run_job(job: dict[str, Any]) -> None:
     clock, frames = FrameClock(), sequence.frames(system.sensor)
     poses = list(runner_of(system, job["method"])(sequence, clock))
     offset_ns = round(system.instant * sequence.lidar.sweep_ns) if system.sensor == "lidar" else 0
-    estimate = _trajectory(poses, offset_ns, system)
+    estimate = trajectory_of(poses, offset_ns, system.title)
     write_tum(out / ESTIMATE, estimate)
     stated = [clock.covariances.get(stamp - offset_ns) for stamp in estimate.stamp_ns.tolist()]
-    if clock.covariances and all(one is not None for one in stated):
+    if clock.covariances and all(covariance is not None for covariance in stated):
         write_covariances(out / ESTIMATE, estimate, np.array(stated))
     else:
         (out / ESTIMATE).with_suffix(SUFFIX).unlink(missing_ok=True)
@@ -84,21 +82,5 @@ def runner_of(system: System, word: str) -> Runner:
     return cast(Runner, found)
 
 
-def _trajectory(poses: list[StampedPose], offset_ns: int, system: System) -> Trajectory:
-    if not poses:
-        raise EvaluationError(f"{system.title} gave no pose")
-    T = np.stack([pose for _, pose in poses])
-    finite = np.isfinite(T).all(axis=(1, 2))
-    if not finite.any():
-        raise EvaluationError(f"{system.title} gave no pose that is finite")
-    stamp = np.array([stamp for stamp, _ in poses], np.int64)[finite] + offset_ns
-    return Trajectory(
-        stamp_ns=stamp,
-        position_m=T[finite, :3, 3].copy(),
-        quat_xyzw=matrix_to_quat(T[finite, :3, :3]),
-        name=system.title,
-    )
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(work_process(run_job))

@@ -30,7 +30,7 @@ def curves_of(runs: pd.DataFrame, axes: Sequence[Axis]) -> pd.DataFrame:
     """
     rows: list[dict[str, Any]] = []
     for axis in axes:
-        others = [one.name for one in axes if one.name != axis.name]
+        others = [other.name for other in axes if other.name != axis.name]
         here = runs[runs[axis.name].notna()]
         # The order of titles is that of the benchmark.
         for key, group in here.groupby(["title", *others, axis.name], sort=False, dropna=False):

@@ -1,4 +1,4 @@
-"""What a sweep runs: points of axes, the drives and conditions of each, shared where they are the same."""
+"""Plan of a sweep: points of axes, the drives and conditions of each, shared where they are the same."""
 
 from __future__ import annotations
 
@@ -108,14 +108,14 @@ class _Group:
 
 
 def sequences_of_points(
-    config: SweepConfig, points: Sequence[Point], told: Callable[[str], None]
+    config: SweepConfig, points: Sequence[Point], report: Callable[[str], None]
 ) -> list[BenchmarkSequence]:
     """The sequence of each point; points of the same drive, seed and condition share one.
 
     Args:
         config: The sweep.
         points: Its points.
-        told: Called with a line about every drive that is simulated among other traffic.
+        report: Called with a line about every drive that is simulated among other traffic.
 
     Raises:
         CarlaLocError: a drive cannot be read, or an option does not fit it.
@@ -130,7 +130,7 @@ def sequences_of_points(
     groups: dict[Path, _Group] = {}
     keys = []
     for point in points:
-        episode = _episode(config, point, first[point.drive] + point.traffic_seed, told)
+        episode = _episode(config, point, first[point.drive] + point.traffic_seed, report)
         setting = point.setting
         if setting.factor > 1.0:
             setting = replace(setting, traffic="dynamic")
@@ -144,7 +144,7 @@ def sequences_of_points(
     return [found[out][setting] for out, setting in keys]
 
 
-def _episode(config: SweepConfig, point: Point, seed: int, told: Callable[[str], None]) -> Path:
+def _episode(config: SweepConfig, point: Point, seed: int, report: Callable[[str], None]) -> Path:
     """The drive of a point: as recorded, or among traffic simulated anew."""
     factor = max(point.setting.factor, 1.0)
     if factor == 1.0 and point.traffic_seed == 0:
@@ -152,7 +152,7 @@ def _episode(config: SweepConfig, point: Point, seed: int, told: Callable[[str],
     name = f"{point.drive.stem}_x{factor:g}_seed{seed}_{file_sha256(point.drive)[:8]}"
     path = config.out / EPISODES / f"{name}.mcap"
     if not path.exists():
-        told(f"{path.name}: traffic × {factor:g}, seed {seed}")
+        report(f"{path.name}: traffic × {factor:g}, seed {seed}")
         path.parent.mkdir(parents=True, exist_ok=True)
         change_traffic(point.drive, path, seed, factor=factor, map=config.drives.map)
     return path
@@ -160,33 +160,26 @@ def _episode(config: SweepConfig, point: Point, seed: int, told: Callable[[str],
 
 def _described(config: SweepConfig, group: _Group) -> dict[Setting, BenchmarkSequence]:
     drives, settings = config.drives, list(group.settings)
-    options = {one.name: getattr(drives.options, one.name) for one in fields(ReplayOptions)}
+    options = replace(
+        drives.options, weathers=tuple(dict.fromkeys(setting.weather for setting in settings)),
+        traffic=tuple(dict.fromkeys(setting.traffic for setting in settings)),
+        lidar_weather=group.setting.lidar_weather, faults=group.setting.faults.calibration, seed=group.seed,
+        workers=1,
+    )  # fmt: skip
     replayed = ReplayConfig(
-        **{
-            **options,
-            "weathers": tuple(dict.fromkeys(one.weather for one in settings)),
-            "traffic": tuple(dict.fromkeys(one.traffic for one in settings)),
-            "lidar_weather": group.setting.lidar_weather,
-            "faults": group.setting.faults.calibration,
-            "seed": group.seed,
-            "workers": 1,
-        },
-        episode=group.episode,
-        out=group.out,
-        start_s=drives.start_s,
-        duration_s=drives.duration_s,
-        map=drives.map,
-    )
+        **{option.name: getattr(options, option.name) for option in fields(ReplayOptions)},
+        episode=group.episode, out=group.out, map=drives.map,
+        start_s=drives.start_s, duration_s=drives.duration_s,
+    )  # fmt: skip
     conditions = tuple(
         Condition(
-            weather_name=weather_word(one.weather),
-            weather=weather_of(one.weather),
-            traffic=traffic_level(one.traffic),
-            faults=one.faults,
+            weather_name=weather_word(setting.weather),
+            weather=weather_of(setting.weather),
+            traffic=traffic_level(setting.traffic),
+            faults=setting.faults,
         )
-        for one in settings
+        for setting in settings
     )
     streams = describe_drive(replayed, conditions)
-    return {
-        one: sequence_of(stream, config.out / DRIVES) for one, stream in zip(settings, streams, strict=True)
-    }
+    sequences = (sequence_of(stream, config.out / DRIVES) for stream in streams)
+    return dict(zip(settings, sequences, strict=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import pandas as pd
 
@@ -33,8 +33,8 @@ class SweepResult:
 def run_sweep(
     config: SweepConfig,
     benchmark: BenchmarkConfig,
-    progress: Progress | None = None,
-    told: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda *_: None,
+    report: Callable[[str], None] = lambda _: None,
 ) -> SweepResult:
     """Run systems at every point of every axis.
 
@@ -42,15 +42,15 @@ def run_sweep(
         config: What is swept.
         benchmark: Systems, workers, clouds and the rule of failure; its data are those of the sweep.
         progress: Called with the progress of the runs.
-        told: Called with a line about every drive that is simulated anew.
+        report: Called with a line about every drive that is simulated anew.
 
     Raises:
         CarlaLocError: a drive cannot be read, an option does not fit it, or a system is missing.
     """
     points = points_of(config)
-    sequences = sequences_of_points(config, points, told)
+    sequences = sequences_of_points(config, points, report)
     before = len(read_shared(config.out))
-    unique = list({one.path: one for one in sequences}.values())
+    unique = list({sequence.path: sequence for sequence in sequences}.values())
     result = run_benchmark(benchmark, progress, sequences=unique)
     passes = read_shared(config.out)[before:]
     # Systems run once where sweeps are the same in all weathers.
@@ -70,8 +70,8 @@ def run_sweep(
         config=config,
         runs=pd.DataFrame(rows),
         benchmark=result,
-        instants=sum(one["instants"] for one in passes),
-        frames=sum(one["frames"] for one in passes),
+        instants=sum(made["instants"] for made in passes),
+        frames=sum(made["frames"] for made in passes),
     )
 
 
@@ -81,7 +81,7 @@ def _alike(sequence: object) -> tuple[object, ...]:
 
 def row_of(point: Point, score: Score, title: str) -> dict[str, object]:
     """A row of `SweepResult.runs`."""
-    figures = score.to_mapping()
+    figures = asdict(score)
     # The quantity swept may be called as the level is.
     level = {"traffic_level": figures.pop("traffic"), "title": title}
     return {**figures, **level, **dict(point.values), "drive": point.drive.stem, "seed": point.number}

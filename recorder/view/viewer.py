@@ -11,7 +11,7 @@ from carlaloc_env.core.errors import DeviceError
 
 
 def check_display() -> None:
-    """Refuse to go on where no window can be opened.
+    """Make sure that a window can be opened.
 
     Raises:
         DeviceError: there is no display.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import cv2
@@ -24,8 +25,8 @@ from recorder.window.snapshot import VIEWS, present_of
 from recorder.window.status import DriveStatus
 from recorder.window.window import WINDOW_PX, Window
 
-_PATIENCE_S = 0.003
-"""How long to wait for an image before the world goes on [s]."""
+_IMAGE_S = 0.003
+"""How long to wait for an image before the world moves on [s]."""
 _FIRST_S = 30.0
 """How long to wait for the first image, for which shaders are compiled [s]."""
 _GONE_S = 0.03
@@ -33,7 +34,7 @@ _GONE_S = 0.03
 _ARROW_AHEAD_S, _ARROW_AHEAD_MIN_M = 3.0, 18.0
 
 
-class WindowCockpit:
+class WindowCockpit(AbstractContextManager["WindowCockpit"]):
     """Shows a drive in a window; a context manager that ends the drawing.
 
     Args:
@@ -54,7 +55,7 @@ class WindowCockpit:
         self._renderer.prepare(SensorStage(town, seed=0, weather=weather, quality="low"))
 
     def wait_for_first(self, world: DrivingWorld, status: DriveStatus) -> None:
-        """Wait for the first image, so that nobody drives before they see.
+        """Wait for the first image, so that no person drives blind.
 
         Raises:
             RenderError: there is no OpenGL, or the process that draws ended.
@@ -62,9 +63,6 @@ class WindowCockpit:
         self._renderer.wait_until_ready()
         self._renderer.ask(present_of(world, status), VIEWS[status.view % len(VIEWS)])
         self._take(_FIRST_S)
-
-    def __enter__(self) -> WindowCockpit:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._renderer.close()
@@ -77,13 +75,13 @@ class WindowCockpit:
     def show(self, world: DrivingWorld, status: DriveStatus) -> None:
         """Show the present: order an image of it, and show the one ordered before when it is drawn."""
         view = VIEWS[status.view % len(VIEWS)]
-        image = self._take(_PATIENCE_S)
+        image = self._take(_IMAGE_S)
         if self._renderer.idle:
             self._renderer.ask(present_of(world, status), view)
         if not self._renderer.alive:
             status.message = GONE
             time.sleep(_GONE_S)
-        # Between two images only what the driver is told now or has asked for is shown.
+        # Between two images only messages to the driver, and what the driver has asked for, are shown.
         now_shown = (status.message, status.paused, status.help, status.indicator, status.headlamps)
         if self._last is not None and (
             image is not None or now_shown != self._shown or not self._renderer.alive

@@ -8,12 +8,11 @@ from typing import Any
 
 from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.keys import HELP_LINES
-from recorder.window.lettering import DARK, Lettering
+from recorder.window.lettering import AMBER, BLUE, DARK, WHITE, Lettering
 from recorder.window.status import DriveStatus
 
-_WHITE, _GREY = (245, 245, 245), (150, 156, 162)
-_RED, _GREEN, _AMBER, _BLUE = (235, 60, 50), (70, 200, 90), (250, 180, 40), (80, 165, 255)
-_LIGHTS = {SignalState.RED: _RED, SignalState.YELLOW: _AMBER, SignalState.GREEN: _GREEN}
+_GREY, _RED, _GREEN = (150, 156, 162), (235, 60, 50), (70, 200, 90)
+_LIGHTS = {SignalState.RED: _RED, SignalState.YELLOW: AMBER, SignalState.GREEN: _GREEN}
 _WARNINGS = {
     "collision": "COLLISION",
     "red_light": "RED LIGHT",
@@ -35,7 +34,7 @@ class HudState:
     limit_mps: float
     """Speed limit here [m/s]."""
     turn_deg: float
-    """Direction in which the route goes on, left positive [deg]."""
+    """Direction of the route ahead, left positive [deg]."""
     remaining_m: float
     """Route still to drive [m]."""
     driven_m: float
@@ -94,14 +93,14 @@ class Hud:
         u, base = self._unit, self._height - self._unit // 2
         text = f"{abs(state.speed_mps) * 3.6:.0f}"
         too_fast = state.speed_mps > state.limit_mps + 1.5
-        self._text(surface, text, "big", (5 * u, base), _AMBER if too_fast else _WHITE, "bottomright")
+        self._text(surface, text, "big", (5 * u, base), AMBER if too_fast else WHITE, "bottomright")
         self._text(surface, "km/h", "small", (5.3 * u, base - 0.4 * u), _GREY, "bottomleft")
         sign = (round(8.6 * u), round(base - 1.5 * u))
-        self._pygame.draw.circle(surface, _WHITE, sign, round(1.2 * u))
+        self._pygame.draw.circle(surface, WHITE, sign, round(1.2 * u))
         self._pygame.draw.circle(surface, _RED, sign, round(1.2 * u), max(2, u // 4))
         self._text(surface, f"{state.limit_mps * 3.6:.0f}", "small", sign, DARK, "center")
         back = state.status.controls.reverse
-        self._text(surface, "R" if back else "D", "big", (11 * u, base), _AMBER if back else _WHITE)
+        self._text(surface, "R" if back else "D", "big", (11 * u, base), AMBER if back else WHITE)
         if state.status.controls.handbrake:
             self._text(surface, "(P)", "medium", (13 * u, base - 0.3 * u), _RED)
         if state.status.headlamps:
@@ -117,8 +116,8 @@ class Hud:
         draw.rect(surface, _GREY, (x, y, width, 0.5 * u), 1)
         centre = x + width / 2
         end = centre - state.status.controls.steer * width / 2
-        draw.rect(surface, _BLUE, (min(centre, end), y, max(abs(end - centre), 1), 0.5 * u))
-        draw.line(surface, _WHITE, (centre, y - 3), (centre, y + 0.5 * u + 2))
+        draw.rect(surface, BLUE, (min(centre, end), y, max(abs(end - centre), 1), 0.5 * u))
+        draw.line(surface, WHITE, (centre, y - 3), (centre, y + 0.5 * u + 2))
         self._text(surface, "steering", "small", (centre, y - 0.2 * u), _GREY, "midbottom")
         for k, (value, colour, name) in enumerate(
             ((state.status.controls.throttle, _GREEN, "gas"), (state.status.controls.brake, _RED, "brake"))
@@ -131,8 +130,8 @@ class Hud:
     def _route(self, surface: Any, state: HudState) -> None:
         u, base = self._unit, self._height - self._unit // 2
         x = self._width - 13 * u
-        self._arrow(surface, (x, base - 2.2 * u), state.turn_deg, 1.1 * u, _BLUE)
-        self._text(surface, _metres(state.remaining_m), "medium", (x + 1.8 * u, base - 1.4 * u), _WHITE)
+        self._arrow(surface, (x, base - 2.2 * u), state.turn_deg, 1.1 * u, BLUE)
+        self._text(surface, _metres(state.remaining_m), "medium", (x + 1.8 * u, base - 1.4 * u), WHITE)
         self._text(surface, "to go", "small", (x + 1.8 * u, base - 0.4 * u), _GREY)
         if state.light and state.light_m is not None:
             colour = _LIGHTS.get(SignalState(state.light), _GREY)
@@ -140,7 +139,7 @@ class Hud:
             self._pygame.draw.circle(surface, DARK, position, round(0.95 * u))
             self._pygame.draw.circle(surface, colour, position, round(0.75 * u))
             distance = f"{max(state.light_m, 0.0):.0f} m"
-            self._text(surface, distance, "medium", (self._width - 3 * u, base - 1.4 * u), _WHITE)
+            self._text(surface, distance, "medium", (self._width - 3 * u, base - 1.4 * u), WHITE)
 
     def _recording(self, surface: Any, state: HudState) -> None:
         u = self._unit
@@ -148,24 +147,24 @@ class Hud:
         self._pygame.draw.circle(surface, _RED if on else _GREY, (u, u), round(0.45 * u))
         minutes, seconds = divmod(int(state.time_s), 60)
         text = f"REC {minutes:02d}:{seconds:02d}   {state.status.size_mb:.1f} MB   {_metres(state.driven_m)}"
-        self._text(surface, text, "small", (1.8 * u, u), _WHITE, "midleft", shadow=True)
+        self._text(surface, text, "small", (1.8 * u, u), WHITE, "midleft", shadow=True)
         line = f"{state.status.device}   view: {state.view}   faults: {state.status.faults}   H: help"
-        self._text(surface, line, "small", (0.6 * u, 1.8 * u), _WHITE, "topleft", shadow=True)
+        self._text(surface, line, "small", (0.6 * u, 1.8 * u), WHITE, "topleft", shadow=True)
 
     def _lines(self, surface: Any, state: HudState) -> None:
         middle, y = self._width / 2, self._height * 0.13
         lines = [(_WARNINGS[name], _RED) for name in state.status.warnings]
         if state.status.paused:
-            lines.append(("PAUSED: P goes on", _WHITE))
+            lines.append(("PAUSED: press P to resume", WHITE))
         if state.status.message:
-            lines.append((state.status.message, _AMBER))
+            lines.append((state.status.message, AMBER))
         for text, colour in lines:
             self._text(surface, text, "medium", (middle, y), colour, "center", shadow=True)
             y += 1.6 * self._unit
         if state.status.slow is not None:
             text = f"this machine is slow: the world runs at {state.status.slow:.0%} of real time"
             position = (self._width / 2, self._unit)
-            self._text(surface, text, "small", position, _AMBER, "center", shadow=True)
+            self._text(surface, text, "small", position, AMBER, "center", shadow=True)
 
     def _help(self, surface: Any, buttons: Mapping[str, int]) -> None:
         u = self._unit
@@ -176,9 +175,9 @@ class Hud:
             y = (row + 1) * 1.3 * u
             numbers = [str(buttons[name]) for name in commands if name in buttons]
             if numbers:
-                self._text(panel, f"button {', '.join(numbers)}", "small", (wide - u, y), _AMBER, "topright")
-            self._text(panel, keys, "small", (u, y), _AMBER, "topleft")
-            self._text(panel, what, "small", (9 * u, y), _WHITE, "topleft")
+                self._text(panel, f"button {', '.join(numbers)}", "small", (wide - u, y), AMBER, "topright")
+            self._text(panel, keys, "small", (u, y), AMBER, "topleft")
+            self._text(panel, what, "small", (9 * u, y), WHITE, "topleft")
         surface.blit(panel, ((self._width - wide) / 2, (self._height - tall) / 2))
 
     def _arrow(

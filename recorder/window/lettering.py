@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-DARK = (18, 22, 26)
-"""Colour behind text."""
+DARK, WHITE, AMBER, BLUE = (18, 22, 26), (245, 245, 245), (250, 180, 40), (80, 165, 255)
+"""Colours behind text, of text, of warnings and of what is chosen, sRGB."""
 _SIZES = {"small": 1.15, "medium": 1.7, "big": 3.2}
 
 

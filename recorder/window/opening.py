@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,14 +18,14 @@ T = TypeVar("T")
 
 CLOSED_EARLY = "the window was closed before the drive began; nothing has been recorded"
 
-_PERIOD_S = 0.1
+_REFRESH_S = 0.1
 """Time between two views of the text [s]."""
 
 
-class Opening:
+class Opening(AbstractContextManager["Opening"]):
     """A window that answers while the town is loaded in another thread; a context manager.
 
-    How long the same took the last time is kept in the cache, to tell the time left.
+    How long the same took the last time is kept in the cache, to show the time left.
 
     Args:
         map_name: Town, or path of an OpenDRIVE file.
@@ -39,11 +40,8 @@ class Opening:
         self._town = Path(map_name).stem
         self.window = Window(f"CarlaLoc: {self._town}")
         self._times = default_cache_dir() / "opening_times.json"
-        self._last_s = _read(self._times).get(self._town)
+        self._last_s = _kept_times(self._times).get(self._town)
         self.show("starting")
-
-    def __enter__(self) -> Opening:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -61,7 +59,7 @@ class Opening:
         closed = False
         with ThreadPoolExecutor(1) as pool:
             future = pool.submit(work)
-            while not wait([future], _PERIOD_S).done:
+            while not wait([future], _REFRESH_S).done:
                 closed = closed or self.window.closed()
                 self.show("ending" if closed else what)
         if closed:
@@ -77,11 +75,11 @@ class Opening:
     def show(self, what: str) -> None:
         """Show what is being done, and a bar."""
         passed_s = self._passed_s()
-        self.window.tell(self.text(what), passed_s / max(self._last_s or 60.0, passed_s + 1.0))
+        self.window.show_progress(self.text(what), passed_s / max(self._last_s or 60.0, passed_s + 1.0))
 
     def finish(self) -> None:
         """The drive begins: remember how long that took."""
-        times = _read(self._times) | {self._town: round(self._passed_s(), 1)}
+        times = _kept_times(self._times) | {self._town: round(self._passed_s(), 1)}
         try:
             self._times.parent.mkdir(parents=True, exist_ok=True)
             self._times.write_text(json.dumps(times))
@@ -92,7 +90,7 @@ class Opening:
         return time.monotonic() - self._began_s
 
 
-def _read(path: Path) -> dict[str, float]:
+def _kept_times(path: Path) -> dict[str, float]:
     try:
         found = json.loads(path.read_text())
     except (OSError, ValueError):

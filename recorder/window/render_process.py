@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from contextlib import suppress
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
@@ -23,18 +22,10 @@ GONE = "no pictures: the drawing process has ended; P pauses, Escape keeps the d
 _MOST_BYTES = 3 * max(width * height for width, height in SIZES_PX)
 _NICE = 3
 """An image may come late, a tick may not."""
-_PATIENCE_S = 3.0
+_END_S = 3.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Order:
-    """What to draw."""
-
-    snapshot: Snapshot
-    view: str
-
-
-class RenderProcess:
+class RenderProcess(AbstractContextManager["RenderProcess"]):
     """A process that draws one image at a time; a context manager.
 
     It starts at once and loads what it needs while its parent still builds the town. It ends with its
@@ -86,7 +77,7 @@ class RenderProcess:
     def ask(self, snapshot: Snapshot, view: str) -> None:
         """Order an image, if the process is idle."""
         try:
-            self._pipe.send(_Order(snapshot=snapshot, view=view))
+            self._pipe.send((snapshot, view))
             self._busy = True
         except OSError:
             self.alive = False
@@ -113,13 +104,10 @@ class RenderProcess:
         """End the process; may be called twice."""
         self.alive = False
         self._pipe.close()
-        self._process.join(_PATIENCE_S)
+        self._process.join(_END_S)
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
-
-    def __enter__(self) -> RenderProcess:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -151,5 +139,5 @@ def _draw_images(pipe: Connection, memory: Any) -> None:
     with suppress(EOFError, OSError):
         pipe.send("ready")
         while True:
-            order: _Order = pipe.recv()
-            view.image(order.snapshot, order.view, hand_over)
+            order: tuple[Snapshot, str] = pipe.recv()
+            view.image(*order, hand_over)

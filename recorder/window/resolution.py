@@ -38,7 +38,7 @@ class LiveResolution:
         return SIZES_PX[self._index]
 
     def took(self, seconds: float) -> None:
-        """Tell how long the last image took [s]."""
+        """Take note of how long the last image took [s]."""
         self._drawn += 1
         if self._drawn <= _SETTLE // 2:
             self._smooth_s = seconds

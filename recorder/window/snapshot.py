@@ -10,7 +10,7 @@ from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_RIGHT
 from recorder.window.status import DriveStatus
 
 VIEWS = ("seat", "chase", "above")
-"""Cameras in the order in which the driver goes through them."""
+"""Cameras in the order in which the driver switches through them."""
 _INDICATORS = {"left": LIGHT_LEFT, "right": LIGHT_RIGHT}
 
 

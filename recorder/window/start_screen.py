@@ -15,7 +15,7 @@ from recorder.devices.inputs import Inputs, Press
 from recorder.devices.keys import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT
 from recorder.devices.names import DEVICES
 from recorder.devices.profile import DeviceProfile, known_profiles, match_profile
-from recorder.window.lettering import DARK, Lettering
+from recorder.window.lettering import AMBER, BLUE, DARK, WHITE, Lettering
 from recorder.window.opening import CLOSED_EARLY
 from recorder.window.window import Window
 
@@ -27,9 +27,8 @@ _TRAFFIC = {
 }
 _ALWAYS_THERE = {"scripted": "drives the route by itself", "keyboard": "arrows or W A S D"}
 _ENTER, _CONFIRM_BUTTON = (13, 0x4000_0058), 0
-_PERIOD_S = 1.0 / 30.0
-_WHITE, _GREY, _AMBER = (245, 245, 245), (176, 182, 188), (250, 180, 40)
-_BLUE, _CHOSEN = (80, 165, 255), (36, 66, 102, 235)
+_FRAME_S = 1.0 / 30.0
+_PALE, _CHOSEN = (176, 182, 188), (36, 66, 102, 235)
 _ROAD, _LAND, _LINE = (62, 66, 70), (58, 82, 52), (220, 220, 210)
 _NIGHT, _SUNSET, _NOON, _CLOUDS = (16, 22, 44), (224, 138, 84), (112, 172, 228), (150, 156, 162)
 _STEPS = ((RIGHT, (1, 0)), (LEFT, (-1, 0)), (FORWARD, (0, 1)), (BACK, (0, -1)))
@@ -38,7 +37,7 @@ _STEPS = ((RIGHT, (1, 0)), (LEFT, (-1, 0)), (FORWARD, (0, 1)), (BACK, (0, -1)))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveChoice:
-    """What the start screen lets one choose."""
+    """Choices of the start screen."""
 
     device: str
     """Input device."""
@@ -87,7 +86,7 @@ class StartScreen:
             DeviceError: the driver has pressed Escape or closed the window.
         """
         while not self.update():
-            time.sleep(_PERIOD_S)
+            time.sleep(_FRAME_S)
         return self.choice
 
     def update(self) -> bool:
@@ -133,8 +132,8 @@ class StartScreen:
         self._backdrop(pygame, surface)
         lettering = Lettering(pygame, height)
         u, write = lettering.unit, lettering.write
-        write(surface, "CarlaLoc", "big", (3 * u, 2 * u), _WHITE, "topleft")
-        write(surface, "Choose your drive", "medium", (3.1 * u, 5 * u), _WHITE, "topleft")
+        write(surface, "CarlaLoc", "big", (3 * u, 2 * u), WHITE, "topleft")
+        write(surface, "Choose your drive", "medium", (3.1 * u, 5 * u), WHITE, "topleft")
         panel = pygame.Surface((width - 6 * u, 16.4 * u), pygame.SRCALPHA)
         panel.fill((*DARK, 215))
         for row, name in enumerate(self._options):
@@ -142,22 +141,22 @@ class StartScreen:
             if chosen:
                 panel.fill(_CHOSEN, (0, y - 2 * u, panel.get_width(), 4 * u))
             label = "town" if name == "map" else name
-            write(panel, label, "medium", (u, y), _WHITE if chosen else _GREY, "midleft")
+            write(panel, label, "medium", (u, y), WHITE if chosen else _PALE, "midleft")
             value = getattr(self.choice, name)
             remark = self._remarks.get(value, "")
             if name == "device":
                 remark = self._connected(value) or "not connected: plug it in"
-            write(panel, value, "medium", (25 * u, y - 0.6 * u), _WHITE, "center")
-            write(panel, remark, "small", (25 * u, y + 1.0 * u), _GREY, "center")
+            write(panel, value, "medium", (25 * u, y - 0.6 * u), WHITE, "center")
+            write(panel, remark, "small", (25 * u, y + 1.0 * u), _PALE, "center")
             for x, text in ((13 * u, "<"), (37 * u, ">")) if chosen else ():
-                write(panel, text, "medium", (x, y - 0.6 * u), _BLUE, "center")
+                write(panel, text, "medium", (x, y - 0.6 * u), BLUE, "center")
         surface.blit(panel, (3 * u, 7.6 * u))
         surface.fill(DARK, (0, height - 3.6 * u, width, 4 * u))
         keys = "arrows or D-pad: choose     Enter or button A / cross: drive     Esc: leave"
-        write(surface, keys, "small", (4 * u, height - 1.9 * u), _GREY)
+        write(surface, keys, "small", (4 * u, height - 1.9 * u), _PALE)
         there = ", ".join(["keyboard", *(stick.name for stick in self._inputs)])
         line = self._warning or f"connected: {there}"
-        colour = _AMBER if self._warning else _WHITE
+        colour = AMBER if self._warning else WHITE
         write(surface, line, "small", (4 * u, height - 0.6 * u), colour)
 
     def _backdrop(self, pygame: Any, surface: Any) -> None:

@@ -1,4 +1,4 @@
-"""What a window shows of a drive beside the world itself."""
+"""Status of a drive that a window shows beside the world itself."""
 
 from __future__ import annotations
 
@@ -37,4 +37,4 @@ class DriveStatus:
     faults: int = 0
     """Violations and collisions."""
     warnings: tuple[str, ...] = ()
-    """What goes wrong now."""
+    """Names of present violations."""

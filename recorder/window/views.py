@@ -44,7 +44,7 @@ class LiveView:
         """Draw an instant, and hand over the image of the one drawn before.
 
         The first one is handed over twice. Each image is shaded on some cores while it is worked out
-        what the next one shows, and handed over before the next one's triangles are told.
+        what the next one shows, and handed over before the next one's triangles are sorted out.
 
         Args:
             snapshot: What to draw.
@@ -61,7 +61,7 @@ class LiveView:
         is_first = self._unfinished is None
         if self._unfinished is not None:
             hand_over(np.ascontiguousarray(self._unfinished()))
-        # What the image after this one hides by is read of what is finished: nobody waits for it.
+        # The next image hides surfaces by a finished one, which costs no waiting.
         self._known = self._last if view == self._view else None
         if self._known is not None:
             self._known.samples()

@@ -12,7 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.errors import DeviceError, MissingDependencyError
+from carlaloc_env.core.errors import DeviceError
+from recorder.devices.inputs import import_pygame
+from recorder.window.lettering import BLUE, DARK, WHITE
 
 if TYPE_CHECKING:
     from recorder.window.hud import Hud, HudState
@@ -20,9 +22,10 @@ if TYPE_CHECKING:
 WINDOW_PX = (960, 540)
 """Size of the window [px]."""
 UNSEEN = ("offscreen", "dummy")
-"""SDL's drivers that show nobody anything; it takes them where there is no display."""
+"""SDL's drivers without a picture; it takes them where there is no display."""
 _NO_DISPLAY = "no window can be opened, since there is no display; drive at a desktop, or --device scripted"
-_GROUND, _TEXT, _EMPTY, _FULL = (18, 22, 26), (245, 245, 245), (60, 66, 72), (80, 165, 255)
+_EMPTY = (60, 66, 72)
+"""Colour of a bar that has to be filled yet."""
 
 
 class Window:
@@ -34,19 +37,12 @@ class Window:
     """
 
     def __init__(self, title: str, size_px: tuple[int, int] = WINDOW_PX) -> None:
-        # SDL would show images through an OpenGL context of its own, which breaks the renderer's.
-        os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
-        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
         chosen = os.environ.get("SDL_VIDEODRIVER")
         displays = os.environ.get("DISPLAY"), os.environ.get("WAYLAND_DISPLAY")
         if chosen is None and sys.platform.startswith("linux") and not any(displays):
-            # SDL would look for one, complain in words of its own, and draw where nobody looks.
+            # SDL would look for one, print errors of its own, and draw unseen.
             raise DeviceError(_NO_DISPLAY)
-        try:
-            import pygame
-        except ImportError as error:
-            raise MissingDependencyError(f"the window needs pygame ({error}); pip install pygame") from error
-        self._pygame = pygame
+        self._pygame = pygame = import_pygame("the window needs")
         self.size_px = size_px
         try:
             pygame.display.init()
@@ -59,7 +55,7 @@ class Window:
         pygame.display.set_caption(title)
         self._hud: Hud | None = None
 
-    def tell(self, text: str, done: float) -> None:
+    def show_progress(self, text: str, done: float) -> None:
         """Show a line of text over a bar.
 
         Args:
@@ -68,12 +64,12 @@ class Window:
         """
         pygame, (width, height) = self._pygame, self.size_px
         pygame.font.init()
-        line = pygame.font.Font(None, round(height / 15)).render(text, True, _TEXT)
-        self._surface.fill(_GROUND)
+        line = pygame.font.Font(None, round(height / 15)).render(text, True, WHITE)
+        self._surface.fill(DARK)
         self._surface.blit(line, line.get_rect(center=(width // 2, height // 2)))
         bar = pygame.Rect(width // 4, height // 2 + height // 12, width // 2, max(height // 60, 2))
         pygame.draw.rect(self._surface, _EMPTY, bar)
-        pygame.draw.rect(self._surface, _FULL, (*bar.topleft, round(done * bar.width), bar.height))
+        pygame.draw.rect(self._surface, BLUE, (*bar.topleft, round(done * bar.width), bar.height))
         pygame.display.flip()
 
     def closed(self) -> bool:

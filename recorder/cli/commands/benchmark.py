@@ -17,14 +17,15 @@ failed, or by --fail-above.
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError, UsageError
-from recorder.cli.arguments import OutputFolder, input_path, names, number, positive_int
+from recorder.cli.arguments import OutputFolder, config_of, input_path, names, number, option, positive_int
 from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_condition_options, add_stretch_options, condition_options
+from recorder.cli.replay_options import add_condition_options, add_stretch_options, drive_config
 
 if TYPE_CHECKING:
     from recorder.streaming.drive import DriveConfig
@@ -39,37 +40,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("of drives")
     add_condition_options(group, weathers=("ClearNoon",), traffic=("dynamic",))
     add_stretch_options(group)
-    group.add_argument(
-        "--noise-seeds",
-        type=positive_int,
-        default=1,
-        metavar="N",
-        help="seeds of noise (default: 1)",
-    )
+    option(group, "--noise-seeds", positive_int, "N", "seeds of noise (default: 1)", 1)
     group.add_argument(
         "--standard", action="store_true", help="the standard drives of seven towns, recorded in OUT/episodes"
     )
     group.add_argument("--map", help="map of the drives, where the episodes name none that is known")
     group.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
-    parser.add_argument(
-        "--methods",
-        type=names,
-        default=(),
-        metavar="A,B",
-        help="systems, or .py or .yaml files; else all installed",
-    )
-    parser.add_argument("--runs", type=positive_int, default=1, metavar="N", help="repetitions (default: 1)")
-    parser.add_argument(
-        "--workers", type=positive_int, default=1, metavar="N", help="runs at a time, on cores of their own"
-    )
-    parser.add_argument("--clouds", type=names, default=("raw", "seg"), metavar="A,B", help="raw, seg")
+    option(parser, "--methods", names, "A,B", "systems, or .py or .yaml files; else all installed", ())
+    option(parser, "--runs", positive_int, "N", "repetitions (default: 1)", 1)
+    option(parser, "--workers", positive_int, "N", "runs at a time, on cores of their own", 1)
+    option(parser, "--clouds", names, "A,B", "raw, seg", ("raw", "seg"))
     parser.add_argument("--again", choices=("failed", "all"), help="run kept results again, too")
     parser.add_argument(
         "--rerun", action="store_true", help="a recording of each sequence with all estimates, too (rerun)"
     )
-    parser.add_argument(
-        "--fail-above", type=number, metavar="M", help="exit 1 if a run fails or its APE is larger [m]"
-    )
+    option(parser, "--fail-above", number, "M", "exit 1 if a run fails or its APE is larger [m]")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -80,21 +65,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.benchmark.tables import all_tables, frame_of, write_tables
 
     out = _out(arguments)
-    data = _data(arguments, out)
-    config = BenchmarkConfig(
-        data=data,
-        out=out,
-        methods=arguments.methods,
-        runs=arguments.runs,
-        workers=arguments.workers,
-        clouds=arguments.clouds,
-        again=arguments.again,
-        cluster=arguments.cluster,
-    )
+    config = config_of(BenchmarkConfig, arguments, data=_data(arguments, out), out=out)
     if arguments.rerun:
         from recorder.view.recording import import_rerun
 
-        import_rerun()  # missing, it is told now and not after hours
+        import_rerun()  # reports now, not after hours, that it is missing
     with Progress("runs", unit="runs") as progress:
         result = run_benchmark(config, progress.pieces)
     runs = frame_of(result.scores)
@@ -114,7 +89,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "files": [str(path) for path in files],
         "runs": len(result.scores),
         "reused": result.reused,
-        "scores": [score.to_mapping() for score in result.scores],
+        "scores": [asdict(score) for score in result.scores],
         "failures": failures,
         "above": [
             f"{s.title} {s.town} {s.weather} {s.traffic}: {s.failed or f'APE {s.ape_m:.3f} m'}" for s in above
@@ -144,9 +119,6 @@ def _data(arguments: argparse.Namespace, out: Path) -> Path | DriveConfig:
     Raises:
         UsageError: folders and drives are mixed, or an option does not fit.
     """
-    from recorder.replaying.plan import ReplayOptions
-    from recorder.streaming.drive import DriveConfig
-
     given: list[Path] = arguments.data
     drives = [path for path in given if path.suffix == ".mcap"]
     if not drives and len(given) == 1:
@@ -160,14 +132,7 @@ def _data(arguments: argparse.Namespace, out: Path) -> Path | DriveConfig:
         raise UsageError("give one folder with sequences, or drives (.mcap) alone")
     if arguments.rerun:
         raise UsageError("--rerun shows sensor data, which drives leave nowhere; replay them into a dataset")
-    return DriveConfig(
-        episodes=tuple(given),
-        options=ReplayOptions(**condition_options(arguments), seed=arguments.seed),
-        noise_seeds=arguments.noise_seeds,
-        start_s=arguments.start,
-        duration_s=arguments.duration,
-        map=arguments.map,
-    )
+    return drive_config(arguments, given, noise_seeds=arguments.noise_seeds)
 
 
 def check_tools() -> None:

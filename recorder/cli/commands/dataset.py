@@ -13,7 +13,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import UsageError
-from recorder.cli.arguments import OutputFolder, input_path, names, positive_seconds, seed
+from recorder.cli.arguments import OutputFolder, input_path, names, option, positive_seconds, seed
 from recorder.cli.log_file import logged_to
 from recorder.cli.progress import Progress
 from recorder.cli.replay_options import add_replay_options, replay_options
@@ -30,22 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_replay_options(
         parser, weathers=("ClearNoon", "FoggyNoon", "RainyNight"), traffic=("static", "dynamic")
     )
-    parser.add_argument("--towns", type=names, metavar="A,B", help="towns; else the paper's seven")
-    parser.add_argument(
-        "--episodes", type=input_path, metavar="DIR", help="drives of your own, DIR/Town03.mcap and so on"
-    )
-    parser.add_argument(
-        "--sample", type=positive_seconds, metavar="S", help="only so much of each drive, such as 5s"
-    )
+    option(parser, "--towns", names, "A,B", "towns; else the paper's seven")
+    option(parser, "--episodes", input_path, "DIR", "drives of your own, DIR/Town03.mcap and so on")
+    option(parser, "--sample", positive_seconds, "S", "only so much of each drive, such as 5s")
     parser.add_argument(
         "--seed", type=seed, help="seed of traffic and driver; else that of each town's standard drive"
     )
-    parser.add_argument(
-        "--manifest", type=OutputFolder(), metavar="DIR", help="also write drives, recipe and checksums there"
-    )
-    parser.add_argument(
-        "--hub", type=OutputFolder(), metavar="DIR", help="also prepare it there for a hub; nothing is sent"
-    )
+    option(parser, "--manifest", OutputFolder(), "DIR", "also write drives, recipe and checksums there")
+    option(parser, "--hub", OutputFolder(), "DIR", "also prepare it there for a hub; nothing is sent")
     parser.add_argument("--yes", action="store_true", help="do not ask")
 
 
@@ -68,7 +60,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
         check_packages()
     plan = plan_dataset(config)
-    _tell(config, plan)
+    _print_plan(config, plan)
     if not arguments.yes:
         _ask()
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -89,7 +81,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _tell(config: DatasetConfig, plan: DatasetPlan) -> None:
+def _print_plan(config: DatasetConfig, plan: DatasetPlan) -> None:
     """Print what will be made, what is kept of an earlier run, and the room that there is."""
     driver = "the scripted driver" if config.episodes is None else f"drives of {config.episodes}"
     towns = "1 town" if len(config.towns) == 1 else f"{len(config.towns)} towns"
@@ -102,7 +94,7 @@ def _tell(config: DatasetConfig, plan: DatasetPlan) -> None:
     ]
     if plan.drives or plan.whole:
         lines.append(
-            f"going on with {plan.kept / 1e9:.3f} GB that are there: drives of {plan.drives}, all sequences "
+            f"resuming with {plan.kept / 1e9:.3f} GB that are there: drives of {plan.drives}, all sequences "
             f"of {len(plan.whole)} of {towns}, and {plan.parts} units and sequences of the next"
         )
     print("\n".join(lines), file=sys.stderr)

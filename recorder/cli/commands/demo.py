@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from recorder.cli.arguments import OutputFolder, positive_seconds, seconds
+from recorder.cli.arguments import OutputFolder, option, positive_seconds, seconds
 from recorder.cli.progress import Progress
 
 
@@ -26,27 +26,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder for the results (default: carlaloc-demo, or the next number of it)",
     )
     parser.add_argument("--look", action="store_true", help="end after the first picture")
-    parser.add_argument("--duration", type=positive_seconds, default=20.0, metavar="S", help="replayed (20)")
-    parser.add_argument(
-        "--camera-start", type=seconds, default=4.0, metavar="S", help="pictures begin here (4)"
-    )
-    parser.add_argument(
-        "--camera-duration", type=positive_seconds, default=6.0, metavar="S", help="of pictures (6)"
-    )
+    option(parser, "--duration", positive_seconds, "S", "replayed (20)", 20.0)
+    option(parser, "--camera-start", seconds, "S", "pictures begin here (4)", 4.0)
+    option(parser, "--camera-duration", positive_seconds, "S", "of pictures (6)", 6.0)
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the demo, and write its page after every step."""
     began = time.monotonic()
     from recorder.demo.page import EXTRAS, STEPS, write_index
-    from recorder.demo.story import (
-        DemoConfig,
-        draw_story,
-        first_look,
-        replay_drive,
-        run_systems,
-        scores_of,
-    )
+    from recorder.demo.story import DemoConfig, draw_story, first_look, replay_drive, run_systems, scores_of
 
     config = DemoConfig(
         out=_free(arguments.out),

@@ -21,6 +21,7 @@ from recorder.cli.arguments import (
     number,
     number_or_search,
     numbers,
+    option,
     positive_seconds,
 )
 
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "estimates", type=input_path, nargs="+", metavar="EST", help="TUM, KITTI, EuRoC, tables or bags"
     )
     parser.add_argument("--align", default="se3", help="se3, sim3, posyaw or none (default: se3)")
-    parser.add_argument("--times", type=input_path, metavar="TXT", help="times of KITTI poses")
+    option(parser, "--times", input_path, "TXT", "times of KITTI poses")
     for what, prefix in (("estimates", ""), ("the truth", "truth-")):
         parser.add_argument(
             f"--{prefix}topic",
@@ -56,44 +57,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             choices=("s", "ms", "us", "ns"),
             help=f"unit of times in texts of {what}; else by name or size",
         )
-    parser.add_argument(
-        "--max-gap",
-        type=positive_seconds,
-        metavar="S",
-        help="longest time between poses of a pair (default: 0.01)",
-    )
+    option(parser, "--max-gap", positive_seconds, "S", "longest time between poses of a pair (default: 0.01)")
     parser.add_argument(
         "--interpolate",
         action="store_true",
         help="interpolate the one of the higher rate, over 1.5 of its intervals or --max-gap",
     )
-    parser.add_argument(
-        "--time-offset",
-        type=number_or_search,
-        default=0.0,
-        metavar="S",
-        help="added to the stamps [s], or search",
-    )
-    parser.add_argument("--plot", type=OutputFolder(PLOT), metavar="DIR", help=f"draw {PLOT} there")
+    option(parser, "--time-offset", number_or_search, "S", "added to the stamps [s], or search", 0.0)
+    option(parser, "--plot", OutputFolder(PLOT), "DIR", f"draw {PLOT} there")
     force_option(parser, "an older picture")
     maps = parser.add_argument_group("maps", "built by the system of the one estimate, in its frame")
     maps.add_argument(
         "--map", type=input_path, action="append", metavar="CLOUD", help="PLY, PCD or XYZ; again for more"
     )
-    maps.add_argument("--drive", type=input_path, metavar="E.mcap", help="drive of which the truth is")
+    option(maps, "--drive", input_path, "E.mcap", "drive of which the truth is")
     maps.add_argument("--town", metavar="FILE", help="its town, if the drive does not name it")
     maps.add_argument("--traffic", default="dynamic", help="traffic level that the system saw")
     maps.add_argument("--rig", default="paper", help="rig whose LiDAR decides about visibility")
-    maps.add_argument(
-        "--reach", type=number, default=50.0, metavar="M", help="counted so near the way (default: 50)"
-    )
-    maps.add_argument(
-        "--distances",
-        type=numbers,
-        default=(0.1, 0.2, 0.5),
-        metavar="A,B",
-        help="d of precision and recall [m] (default: 0.1,0.2,0.5)",
-    )
+    option(maps, "--reach", number, "M", "reach about the path within which maps count (default: 50)", 50.0)
+    text = "d of precision and recall [m] (default: 0.1,0.2,0.5)"
+    option(maps, "--distances", numbers, "A,B", text, (0.1, 0.2, 0.5))
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -112,21 +95,15 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         raise ConfigError(unknown_name("alignment", arguments.align, known))
     alignment = known[arguments.align]
     truth = read_trajectory(
-        arguments.truth,
-        times=arguments.times,
-        topic=arguments.truth_topic or arguments.topic,
-        quaternion=arguments.truth_quaternion,
-        time_unit=arguments.truth_time_unit,
-    )
+        arguments.truth, times=arguments.times, topic=arguments.truth_topic or arguments.topic,
+        quaternion=arguments.truth_quaternion, time_unit=arguments.truth_time_unit,
+    )  # fmt: skip
     results, offsets_s = [], []
     for path in arguments.estimates:
         estimate = read_trajectory(
-            path,
-            times=arguments.times,
-            topic=arguments.topic,
-            quaternion=arguments.quaternion,
+            path, times=arguments.times, topic=arguments.topic, quaternion=arguments.quaternion,
             time_unit=arguments.time_unit,
-        )
+        )  # fmt: skip
         if arguments.time_offset == "search":
             # Here, since what it needs of SciPy takes half of a scoring's time to import.
             from recorder.evaluation.time_offset import find_time_offset
@@ -139,16 +116,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
             association, gap_ns = interpolation(truth, estimate)
         if arguments.max_gap is not None:
             gap_ns = _nanoseconds(arguments.max_gap)
-        results.append(
-            evaluate(
-                truth,
-                estimate,
-                alignment=alignment,
-                association=association,
-                max_gap_ns=gap_ns,
-                time_offset_ns=offset_ns,
-            )
-        )
+        result = evaluate(
+            truth, estimate, alignment=alignment, association=association, max_gap_ns=gap_ns,
+            time_offset_ns=offset_ns,
+        )  # fmt: skip
+        results.append(result)
         offsets_s.append(offset_ns / 1e9)
     plots: list[str] = []
     if arguments.plot is not None:
@@ -174,13 +146,9 @@ def _judge_maps(
     from recorder.map_truth.map_files import read_map
 
     config = MapTruthConfig(
-        drive=arguments.drive,
-        map=arguments.town,
-        traffic=arguments.traffic,
-        rig=arguments.rig,
-        reach_m=arguments.reach,
-        distances_m=arguments.distances,
-    )
+        drive=arguments.drive, map=arguments.town, traffic=arguments.traffic, rig=arguments.rig,
+        reach_m=arguments.reach, distances_m=arguments.distances,
+    )  # fmt: skip
     clouds = [(path, read_map(path)) for path in arguments.map]
     stamps = result.truth.stamp_ns
     with Progress("visibility", unit="looks") as progress:
@@ -190,12 +158,13 @@ def _judge_maps(
     if arguments.plot is not None:
         from recorder.report.map_plot import plot_map
 
-        for one, (path, _) in zip(found, clouds, strict=True):
+        for judged, (path, _) in zip(found, clouds, strict=True):
             picture = arguments.plot / f"map_{path.stem}.png"
-            title = f"{path.stem}: {one.ghost_rate:.2%} of {len(one.points_m):,} points are ghosts"
-            plot_map(one.points_m, one.distance_m, one.ghost, picture, title=title, overwrite=arguments.force)
+            title = f"{path.stem}: {judged.ghost_rate:.2%} of {len(judged.points_m):,} points are ghosts"
+            points = (judged.points_m, judged.distance_m, judged.ghost)
+            plot_map(*points, picture, title=title, overwrite=arguments.force)
             pictures.append(str(picture))
-    return [one.to_mapping() for one in found], pictures
+    return [judged.to_mapping() for judged in found], pictures
 
 
 def _nanoseconds(time_s: float) -> int:

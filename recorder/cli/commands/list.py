@@ -48,16 +48,16 @@ def _traffic() -> dict[str, str]:
 def _rigs() -> dict[str, str]:
     from carlaloc_env.rigs.presets import RIGS
 
-    def told(kind: str, name: str) -> str:
-        return name if kind == name else f"{kind} {name}"
-
-    return {name: ", ".join(told(s.kind, s.name) for s in make().sensors) for name, make in RIGS.items()}
+    return {
+        name: ", ".join(s.name if s.kind == s.name else f"{s.kind} {s.name}" for s in make().sensors)
+        for name, make in RIGS.items()
+    }
 
 
 def _formats() -> dict[str, str]:
     from recorder.dataset.layout import FORMATS
 
-    return {name: one.about for name, one in FORMATS.items()}
+    return {name: form.about for name, form in FORMATS.items()}
 
 
 def _topics() -> dict[str, str]:

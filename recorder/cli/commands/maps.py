@@ -19,6 +19,7 @@ from recorder.cli.arguments import (
     force_option,
     input_path,
     number,
+    option,
     positive_seconds,
     seed,
     shared_options,
@@ -38,23 +39,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     force_option(preview, "an older picture")
     export = actions.add_parser("export", parents=shared, help="surfaces of a town, as mesh and as cloud")
     export.add_argument("town", help="town, or a .xodr file")
-    export.add_argument(
-        "--mesh", type=OutputFile(".ply", ".gltf"), metavar="OUT", help="triangles of the whole town"
-    )
-    export.add_argument("--cloud", type=OutputFile(".ply"), metavar="OUT", help="labelled points, normals")
-    export.add_argument("--points-per-m2", type=number, default=10.0, metavar="N", help="(default: 10)")
-    export.add_argument(
-        "--reach", type=number, default=50.0, metavar="M", help="points so near a driving lane (default: 50)"
-    )
+    option(export, "--mesh", OutputFile(".ply", ".gltf"), "OUT", "triangles of the whole town")
+    option(export, "--cloud", OutputFile(".ply"), "OUT", "labelled points, normals")
+    option(export, "--points-per-m2", number, "N", "(default: 10)", 10.0)
+    option(export, "--reach", number, "M", "points so near a driving lane (default: 50)", 50.0)
     export.add_argument("--seed", type=seed, default=0, help="seed of the points")
     export.add_argument("--empty", action="store_true", help="without parked cars")
     force_option(export, "older files")
     check = actions.add_parser("check", parents=shared, help="problems of an OpenDRIVE file")
     check.add_argument("file", type=input_path, help="OpenDRIVE file")
-    check.add_argument("--waypoints", type=positive_seconds, metavar="STEP_M", help="list waypoints [m]")
+    option(check, "--waypoints", positive_seconds, "STEP_M", "list waypoints [m]")
     check.add_argument("--strict", action="store_true", help="end with 1 for warnings, too")
     check.add_argument("--all", action="store_true", help="list every problem; else the first of its kind")
-    check.add_argument("--csv", type=OutputFile(".csv"), metavar="OUT", help="where waypoints go (.csv)")
+    option(check, "--csv", OutputFile(".csv"), "OUT", "where waypoints go (.csv)")
     force_option(check, "an older table")
 
 

@@ -11,7 +11,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from recorder.cli.arguments import OutputFolder, input_path, positive_int
+from recorder.cli.arguments import OutputFolder, config_of, input_path, option, positive_int
 from recorder.cli.progress import Progress
 
 
@@ -25,13 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--action", default="continuous", help="continuous or controls (default: continuous)")
     parser.add_argument("--weather", default="ClearNoon", help="weather for the sensors (default: ClearNoon)")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
-    parser.add_argument(
-        "--frame-skip",
-        type=positive_int,
-        default=1,
-        metavar="N",
-        help="steps of 50 ms per action (default: 1)",
-    )
+    option(parser, "--frame-skip", positive_int, "N", "steps of 50 ms per action (default: 1)", 1)
     parser.add_argument("--map", help="map of the drives, where they name none that is known")
 
 
@@ -39,16 +33,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write the data set."""
     from recorder.minari.dataset import MinariConfig, write_minari
 
-    config = MinariConfig(
-        episodes=tuple(arguments.episodes),
-        out=arguments.out,
-        rig=arguments.rig,
-        action=arguments.action,
-        weather=arguments.weather,
-        quality=arguments.quality,
-        frame_skip=arguments.frame_skip,
-        map=arguments.map,
-    )
+    config = config_of(MinariConfig, arguments, episodes=tuple(arguments.episodes))
     with Progress("observing") as progress:
         return asdict(write_minari(config, progress.update))
 

@@ -18,10 +18,17 @@ from dataclasses import asdict
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
-from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds, seed
+from recorder.cli.arguments import (
+    OutputFile,
+    config_of,
+    force_option,
+    input_path,
+    option,
+    positive_seconds,
+    seed,
+)
 from recorder.cli.progress import Progress
 from recorder.devices.names import HUMAN, wants_window
 from recorder.drive.real_time_pacer import SLOW
@@ -45,11 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "and neither --map, --weather nor --traffic is given)",
     )
     parser.add_argument("--out", type=OutputFile(EPISODE_SUFFIX), help="episode to write, e.g. drive.mcap")
-    parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else the route")
+    option(parser, "--duration", positive_seconds, "S", "length [s]; else the route")
     parser.add_argument("--seed", type=seed, default=0, help="seed of traffic and scripted driver")
     parser.add_argument(
-        "--traffic",
-        help="dynamic (default), static, empty or a fraction, with options: dynamic,walkers=0",
+        "--traffic", help="dynamic (default), static, empty or a fraction, with options: dynamic,walkers=0"
     )
     parser.add_argument("--weather", help="weather in the window, or a schedule.yaml (default: ClearNoon)")
     parser.add_argument(
@@ -78,7 +84,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.source is not None:
         return _drive_again(arguments)
     if arguments.out is None:
-        raise UsageError("where to? give --out, e.g. --out drive.mcap")
+        raise UsageError("--out is required, e.g. --out drive.mcap")
     with ExitStack() as stack:
         opening = None
         if _chooses(arguments):
@@ -105,7 +111,7 @@ def _chooses(arguments: argparse.Namespace) -> bool:
 
 
 def _choose(arguments: argparse.Namespace, stack: ExitStack) -> None:
-    """Let the driver choose, in the window that the drive goes on in."""
+    """Let the driver choose, in the window of the drive."""
     from recorder.window.window import Window
 
     window = Window("CarlaLoc")
@@ -128,23 +134,17 @@ def _choose(arguments: argparse.Namespace, stack: ExitStack) -> None:
 def _record(arguments: argparse.Namespace, opening: Opening | None) -> dict[str, Any]:
     from recorder.drive.record import RecordConfig, record
 
-    config = RecordConfig(
-        map=arguments.map or _TOWN,
-        out=arguments.out,
-        device=arguments.device,
-        duration_s=arguments.duration,
-        seed=arguments.seed,
-        traffic=arguments.traffic or _TRAFFIC,
+    config = config_of(
+        RecordConfig, arguments, map=arguments.map or _TOWN, duration_s=arguments.duration,
+        traffic=arguments.traffic or _TRAFFIC, weather=arguments.weather or _WEATHER,
         overwrite=arguments.force,
-        window=arguments.window,
-        weather=arguments.weather or _WEATHER,
-    )
+    )  # fmt: skip
     with Progress("recording") as progress:
 
-        def told(driven_s: float, route_m: float) -> None:
+        def report(driven_s: float, route_m: float) -> None:
             progress.update(driven_s, arguments.duration, f"{route_m:.0f} m")
 
-        result = record(config, progress=told, opening=opening)
+        result = record(config, progress=report, opening=opening)
     files = {"attempts": [str(p) for p in result.attempts], "photos": [str(p) for p in result.photos]}
     return {**asdict(result), "path": str(result.path), **files}
 
@@ -152,29 +152,18 @@ def _record(arguments: argparse.Namespace, opening: Opening | None) -> dict[str,
 def _calibrate(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.devices.calibrate import calibrate
 
-    path = calibrate(arguments.device, ask=_ask)
+    path = calibrate(arguments.device, ask=lambda line: print(line, file=sys.stderr))
     return {"profile": str(path)}
-
-
-def _ask(line: str) -> None:
-    print(line, file=sys.stderr)
 
 
 def _drive_again(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.drive.resimulate import resimulate
 
     with Progress("driving again") as progress:
-
-        def told(done: int, total: int) -> None:
-            progress.update(done * TICK_S, total * TICK_S)
-
         result = resimulate(
-            arguments.source,
-            out=arguments.out,
-            map=arguments.map,
-            overwrite=arguments.force,
-            progress=told,
-        )
+            arguments.source, out=arguments.out, map=arguments.map, overwrite=arguments.force,
+            progress=progress.update,
+        )  # fmt: skip
     return {**asdict(result), "failed": result.first_difference_tick is not None}
 
 
@@ -196,6 +185,6 @@ def show(result: dict[str, Any]) -> None:
         for path in result["photos"]:
             print(f"  photo: {path}")
         if result["stuck"]:
-            print("  the car no longer got on; try another --seed, or --duration to wait longer")
+            print("  the car made no progress for five minutes; try another --seed or a longer --duration")
         if result["slowest"] < SLOW:
             print(f"  this machine was slow: the world ran at {result['slowest']:.0%} at times")

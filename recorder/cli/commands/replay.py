@@ -12,7 +12,7 @@ from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from recorder.cli.arguments import input_path, positive_int, positive_seconds, seconds
+from recorder.cli.arguments import config_of, input_path, option, positive_int, positive_seconds, seconds
 from recorder.cli.progress import Progress
 from recorder.cli.replay_options import add_replay_options, add_stretch_options, replay_options
 
@@ -25,17 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("episode", type=input_path, help="episode to replay (.mcap)")
     add_replay_options(parser, weathers=("ClearNoon",), traffic=("dynamic",))
     add_stretch_options(parser)
-    parser.add_argument("--camera-start", type=seconds, metavar="S", help="pictures begin here [s]")
-    parser.add_argument(
-        "--camera-duration", type=positive_seconds, metavar="S", help="length of pictures [s]"
-    )
-    parser.add_argument(
-        "--noise-seeds",
-        type=positive_int,
-        default=1,
-        metavar="N",
-        help="as many datasets, of this and the next seeds of noise, in OUT/seed<S>",
-    )
+    option(parser, "--camera-start", seconds, "S", "pictures begin here [s]")
+    option(parser, "--camera-duration", positive_seconds, "S", "length of pictures [s]")
+    text = "as many datasets, of this and the next seeds of noise, in OUT/seed<S>"
+    option(parser, "--noise-seeds", positive_int, "N", text, 1)
     parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
 
 
@@ -43,21 +36,15 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
     from recorder.replaying.replay import ReplayConfig, replay
 
-    config = ReplayConfig(
-        **replay_options(arguments),
-        episode=arguments.episode,
-        out=arguments.out,
-        start_s=arguments.start,
-        duration_s=arguments.duration,
-        camera_start_s=arguments.camera_start,
+    config = config_of(
+        ReplayConfig, arguments, **replay_options(arguments), start_s=arguments.start,
+        duration_s=arguments.duration, camera_start_s=arguments.camera_start,
         camera_duration_s=arguments.camera_duration,
-        seed=arguments.seed,
-        map=arguments.map,
-    )
+    )  # fmt: skip
     found = []
-    for one in _of_noise_seeds(config, arguments.noise_seeds):
+    for replayed in _of_noise_seeds(config, arguments.noise_seeds):
         with Progress("replaying") as progress:
-            found.append(replay(one, progress.update))
+            found.append(replay(replayed, progress.update))
     samples: Counter[str] = Counter()
     for result in found:
         samples.update(result.samples)

@@ -11,18 +11,14 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from recorder.cli.arguments import input_path
+from recorder.cli.arguments import input_path, option
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc verify`."""
     parser.add_argument("folder", type=input_path, help="folder of the dataset")
-    parser.add_argument(
-        "--against",
-        type=input_path,
-        metavar="DIR",
-        help="compare with the same dataset made elsewhere; pictures and events may differ within bounds",
-    )
+    text = "compare with the same dataset made elsewhere; pictures and events may differ within bounds"
+    option(parser, "--against", input_path, "DIR", text)
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:

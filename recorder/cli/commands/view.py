@@ -15,7 +15,7 @@ from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, UsageError
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
-from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds
+from recorder.cli.arguments import OutputFile, force_option, input_path, option, positive_seconds
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,9 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="lidar",
         help="whose poses estimates are",
     )
-    parser.add_argument(
-        "--period", type=positive_seconds, default=0.2, metavar="S", help="between clouds (default: 0.2)"
-    )
+    option(parser, "--period", positive_seconds, "S", "between clouds (default: 0.2)", 0.2)
     parser.add_argument("--out", type=OutputFile(".rrd"), help="write a recording and open no viewer")
     force_option(parser, "an older recording")
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from recorder.cli.arguments import OutputFile, force_option, input_path, positive_int
+from recorder.cli.arguments import OutputFile, force_option, input_path, option, positive_int
 from recorder.cli.progress import Progress
 
 
@@ -18,9 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc vocabulary`."""
     parser.add_argument("data", type=input_path, help="folder with sequences that have mav0")
     parser.add_argument("--out", type=OutputFile(".txt"), required=True, help="text file in DBoW2's format")
-    parser.add_argument(
-        "--images", type=positive_int, default=150, metavar="N", help="images at most (default: 150)"
-    )
+    option(parser, "--images", positive_int, "N", "images at most (default: 150)", 150)
     force_option(parser, "an older vocabulary")
 
 

@@ -37,21 +37,29 @@ class ScriptedDriver:
         params: The car that it is used to.
     """
 
-    _route: Route | None
-    _road: DriverRoute | None
-    _leader: Leader | None
-    _free_since: int | None
-    _passing_s_m: float | None
-    _stopping_s_m: float | None
-    _s_m: float
-    _steer: float
-    _standing: bool
-
     def __init__(self, seed: int, params: VehicleParams | None = None) -> None:
         self._params = params if params is not None else VehicleParams()
         self._seed = seed
         self._last_tick = -1
         self._begin()
+
+    def _begin(self) -> None:
+        """Sit down in a standing car."""
+        self._random = rng.stream(self._seed, "driver/decisions")
+        self._limit_fraction = 0.94 + 0.05 * float(self._random.uniform())
+        self._steering = DriverSteering(self._params, self._seed)
+        self._pedals = DriverPedals(self._params)
+        self._speed = DriverSpeed()
+        self._route: Route | None = None
+        self._road: DriverRoute | None = None
+        self._s_m = 0.0
+        self._standing, self._is_launching = True, False
+        self._free_since: int | None = None
+        self._go_tick = self._hill_ticks = 0
+        self._passing_s_m: float | None = None
+        self._stopping_s_m: float | None = None
+        self._leader: Leader | None = None
+        self._steer = 0.0
 
     @property
     def name(self) -> str:
@@ -94,7 +102,7 @@ class ScriptedDriver:
             perceived_mps2=view.acceleration_mps2,
             grade=road.grade(self._s_m + 1.4),
         )
-        # Whoever rolls on past the place, down a slope, brakes all the sooner.
+        # A driver who rolls past the place, down a slope, brakes all the sooner.
         slow = _STANDING_MPS if stop is None else max(_STANDING_MPS, min(0.3, -_PAST_RATE * stop))
         if v < slow and not self._is_launching and self._speed.wanted_mps2 <= 0.0:
             self._standing, self._free_since = True, None
@@ -103,27 +111,10 @@ class ScriptedDriver:
             tick=view.tick,
             s_m=self._s_m,
             offset_m=offset,
-            heading_rad=_wrapped(view.heading_rad - road.heading(self._s_m)),
+            heading_rad=math.remainder(view.heading_rad - road.heading(self._s_m), 2.0 * math.pi),
             speed_mps=v,
         )
         return Controls(steer=self._steer, throttle=throttle, brake=brake, handbrake=handbrake)
-
-    def _begin(self) -> None:
-        """Sit down in a standing car."""
-        self._random = rng.stream(self._seed, "driver/decisions")
-        self._limit_fraction = 0.94 + 0.05 * float(self._random.uniform())
-        self._steering = DriverSteering(self._params, self._seed)
-        self._pedals = DriverPedals(self._params)
-        self._speed = DriverSpeed()
-        self._route = None
-        self._road = None
-        self._s_m = 0.0
-        self._standing, self._is_launching = True, False
-        self._free_since = None
-        self._go_tick = self._hill_ticks = 0
-        self._passing_s_m = self._stopping_s_m = None
-        self._leader = None
-        self._steer = 0.0
 
     def _know_route(self, view: DriverView) -> DriverRoute:
         if self._road is None or view.route is not self._route:
@@ -190,7 +181,7 @@ class ScriptedDriver:
         return left - _STOP_BEFORE_LINE_M
 
     def _drives_off(self, view: DriverView, stop_m: float | None) -> bool:
-        """Whether the standing car starts now: the way is free and the driver has taken note."""
+        """Whether the standing car starts now: the road is free and the driver has taken note."""
         leader = self._leader
         blocked = stop_m is not None and stop_m < 1.5
         if leader is not None and leader.gap_m < self._speed.style.gap_m + 1.0:
@@ -207,7 +198,3 @@ class ScriptedDriver:
             return False
         self._standing, self._is_launching = False, True
         return True
-
-
-def _wrapped(angle_rad: float) -> float:
-    return math.remainder(angle_rad, 2.0 * math.pi)

@@ -55,7 +55,7 @@ class DriverRoute:
         self._heading: list[float] = heading.tolist()
         curvature = self._windowed_curvature(heading, _CURVE_WINDOW_M)
         self._speed = _speeds(curvature, np.asarray(at.speed_limit_mps, dtype=np.float64) * limit_fraction)
-        # Where the way was fitted there is little room: a body that leans far touches kerbs.
+        # Where the path was fitted there is little room: a body that leans far touches kerbs.
         careful = np.sqrt(_CAREFUL_MPS2 / np.maximum(np.abs(curvature), 1e-4))
         self._speed = np.where(free, self._speed, np.minimum(self._speed, careful))
         reach = round(_TURN_REACH_M / self._step_m)

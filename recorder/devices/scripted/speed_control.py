@@ -1,4 +1,4 @@
-"""How fast to go: a jerk that leads to each goal ahead by the smoothest way, and the least of them.
+"""Speed control: a jerk that leads to each goal ahead by the smoothest way, and the least of them.
 
 The speed change of least jerk over a time T is a cubic; from speed v₀ and acceleration a₀ it covers
 D = (v₀+v₁)/2·T + a₀T²/12 and begins with the jerk 2(3(v₁−v₀) − 2a₀T)/T². Solving for T at every
@@ -48,7 +48,7 @@ class SpeedStyle:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leader:
-    """Whoever drives ahead."""
+    """The vehicle ahead."""
 
     gap_m: float
     """Bumper to bumper."""
@@ -102,7 +102,7 @@ class DriverSpeed:
             s_m: How far along the route [m].
             speed_mps: Forward speed [m/s].
             stop_m: Distance left to where the car has to stand [m], None if nowhere in sight.
-            leader: Whoever drives ahead.
+            leader: The vehicle ahead.
         """
         style, v = self.style, max(0.0, speed_mps)
         if tick % STEP_TICKS == 0 or self._target_mps == 0.0:
@@ -149,7 +149,7 @@ class DriverSpeed:
             self._bends = [*self._bends[-3:], _Bend(s, speed)]
 
     def _after_lifting(self, v: float) -> tuple[float, float]:
-        """Speed [m/s] and way used [m] until an acceleration under way has been taken back."""
+        """Speed [m/s] and distance used [m] until an acceleration under way has been taken back."""
         a = max(0.0, self.wanted_mps2)
         seconds = a / self.style.jerk_down_mps3
         later = v + 0.5 * a * seconds

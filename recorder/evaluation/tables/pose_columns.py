@@ -50,7 +50,7 @@ class PoseColumns:
     time_unit: str | None = None
     """Unit of the time, where the header names it."""
     order: str | None = None
-    """``xyzw`` or ``rpy``; None: a quaternion as it stands, of which the table does not say more."""
+    """``xyzw`` or ``rpy``; None: a quaternion as it stands, of unknown order."""
     angle_unit: str | None = None
     """``deg`` or ``rad`` of roll, pitch, yaw, where the header names it."""
     note: str | None = None
@@ -114,7 +114,7 @@ def columns_by_name(texts: Sequence[str], sample: Array) -> PoseColumns | str:
         sample: Some rows, shape (N, len(texts)).
 
     Returns:
-        A str says what the header does not name.
+        A str: what the header does not name.
     """
     names = [_Name.of(text) for text in texts]
     groups: dict[tuple[str, tuple[str, ...]], dict[str, int]] = {}

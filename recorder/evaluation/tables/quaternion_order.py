@@ -1,8 +1,8 @@
 """Whether quaternions stand as x y z w or as w x y z, where a file does not name its columns.
 
 The turn from one pose to the next has the same angle in both readings, since its cosine is the scalar
-product of two quaternions, which no permutation changes. What differs is the way that the body goes: most
-bodies go one way in their own frame, forward, through every bend.
+product of two quaternions, which no permutation changes. The direction of motion in the body's frame differs:
+most bodies keep one, forward, through every bend.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ def as_xyzw(quat: Array, order: str) -> Array:
 
 
 def order_by_motion(position_m: Array, quat: Array) -> str | None:
-    """The order in which a body goes one way in its own frame.
+    """The order in which a body keeps one direction of motion in its own frame.
 
     Args:
         position_m: Positions [m], shape (N, 3).
         quat: Quaternions as they stand, shape (N, 4).
 
     Returns:
-        None: both orders, or none, show such a way: the path is straight, or the body moves freely.
+        None: both orders, or none, show such a direction: the path is straight, or the body moves freely.
     """
     finite = np.isfinite(position_m).all(axis=1) & np.isfinite(quat).all(axis=1)
     position_m, quat = position_m[finite], quat[finite]

@@ -31,8 +31,8 @@ def unit_of_stamps(stamps: Array, named: str | None = None) -> str:
     for unit in sensible:
         if _EPOCH_S[0] <= _in_s(size, unit) < _EPOCH_S[1]:
             return unit
-    # A clock that counts from a start of its own shows its unit by its steps alone. Fractions of micro- and
-    # nanoseconds nobody writes.
+    # A clock that counts from a start of its own shows its unit by its steps alone. Micro- and
+    # nanoseconds are written without fractions.
     if np.all(stamps == np.round(stamps)):
         return next((unit for unit in DECIMALS if _in_s(step, unit) <= 2.0), "ns")
     return "ms" if 10.0 < step <= 2000.0 else "s"

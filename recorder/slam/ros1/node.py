@@ -23,7 +23,7 @@ import rospy
 _GONE_S = 1.0
 """How long a node may be without connections before it counts as ended [s]."""
 _DIED = "REQUIRED process ["
-"""By which roslaunch tells that a required node has ended."""
+"""Words with which roslaunch reports that a required node has ended."""
 _FAREWELL = ("No processes to monitor", "shutting down processing monitor", "killing on exit")
 """Words with which roslaunch ends, whatever the reason."""
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
@@ -56,7 +56,7 @@ class Printed:
 
     @property
     def required_died(self) -> bool:
-        """Whether roslaunch has told that a required node ended; it may take long to end the others."""
+        """Whether roslaunch has reported that a required node ended; it may take long to end the others."""
         return bool(self._died)
 
     def last(self) -> str:

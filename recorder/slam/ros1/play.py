@@ -64,7 +64,7 @@ def play(bag: Any, node: Node, arguments: argparse.Namespace) -> None:
     publishers = {topic: _publisher(bag, topic, renamed.get(topic, topic)) for topic in read}
     clock = rospy.Publisher("/clock", Clock, queue_size=10)
     until = time.monotonic() + _START_LIMIT_S
-    while not all(one.get_num_connections() for one in publishers.values()) and time.monotonic() < until:
+    while not all(topic.get_num_connections() for topic in publishers.values()) and time.monotonic() < until:
         node.look(0.05)
     node.input = publishers[arguments.pace]
     steps = LockStep(node, patience_s=arguments.patience, silence_s=arguments.silence)

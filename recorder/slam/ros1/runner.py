@@ -7,11 +7,10 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from carlaloc_env.core.errors import ConfigError, EvaluationError, unknown_name
+from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from recorder.dataset.sequence import SEGMENTED, SlamSequence
 from recorder.slam.keeper import kept
@@ -42,28 +41,10 @@ class Ros1Node:
     silence_s: float = 60.0
     """Time without a pose after which it is ended [s]."""
 
-    @classmethod
-    def from_mapping(cls, given: Any, here: str) -> Ros1Node:
-        """The node that a description's ``ros1`` tells of; ``{here}`` in its command is the file's folder.
-
-        Raises:
-            ConfigError: it lacks or has keys that it should not, or one of them has no such value.
-        """
-        known = [one.name for one in fields(cls)]
-        if not isinstance(given, dict):
-            raise ConfigError(f"ros1 is a mapping of {', '.join(known)}; see docs/your-system.md")
-        for key in given:
-            if key not in known:
-                raise ConfigError(f"ros1: {unknown_name('key', str(key), known)}")
-        if missing := [name for name in known[:3] if not given.get(name)]:
-            raise ConfigError(f"ros1 lacks {', '.join(missing)}; see docs/your-system.md")
+    def __post_init__(self) -> None:
         for name in ("every", "patience_s", "silence_s"):
-            if not isinstance(given.get(name, 1), int | float) or given.get(name, 1) <= 0:
-                raise ConfigError(f"ros1: {name} is {given[name]}; give a number above 0")
-        if not isinstance(given.get("remap", {}), dict) or not isinstance(given["command"], list):
-            raise ConfigError("ros1: remap is a mapping and command a list; see docs/your-system.md")
-        command = tuple(str(word).replace("{here}", here) for word in given["command"])
-        return cls(**{**given, "command": command})
+            if getattr(self, name) <= 0:
+                raise ConfigError(f"{name} is {getattr(self, name)}; give a number above 0")
 
     def run(self, sequence: SlamSequence, clock: FrameClock, *, sensor: str) -> list[StampedPose]:
         """Poses that it publishes, fed with a sequence's bag in lock-step.
@@ -105,5 +86,5 @@ def _play(words: list[str]) -> None:
     )
     sys.stderr.write(found.stderr)
     if found.returncode:
-        said = [line for line in found.stderr.splitlines() if line.strip()]
-        raise EvaluationError(f"{said[-1] if said else 'the player of ROS 1 ended'}; see log.txt")
+        lines = [line for line in found.stderr.splitlines() if line.strip()]
+        raise EvaluationError(f"{lines[-1] if lines else 'the player of ROS 1 ended'}; see log.txt")

@@ -10,11 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry.transforms import transform
 from recorder.dataset.sequence import SlamSequence
 from recorder.dataset.trajectories import read_trajectory
 from recorder.evaluation.covariance_files import read_covariances
-from recorder.slam.system import FrameClock, StampedPose
+from recorder.slam.system import FrameClock, StampedPose, stamped_poses
 
 _PATHS: dict[str, Callable[[SlamSequence], Path]] = {
     "{bag}": lambda sequence: sequence.bag,
@@ -23,7 +22,7 @@ _PATHS: dict[str, Callable[[SlamSequence], Path]] = {
 }
 
 _NOT_FOUND = 127
-"""Status by which a shell says that a program is missing."""
+"""Exit status of a shell whose program is missing."""
 
 
 def run_command(
@@ -54,7 +53,7 @@ def run_command(
         work.mkdir()
         words = filled(command, sequence, {"{out}": out, "{out_bag}": out, "{work}": work})
         with clock.frame(sequence.frames(sensor)):
-            _run(words)
+            _run_program(words)
         if not out.is_file():
             raise EvaluationError(
                 f"{words[0]} ended well, but wrote no {'{out}' if topic is None else '{out_bag}'}"
@@ -87,8 +86,7 @@ def poses_in(file: Path, *, topic: str | None) -> list[StampedPose]:
     Raises:
         EvaluationError: there are none.
     """
-    found = read_trajectory(file, topic=topic, quaternion="xyzw")
-    return list(zip(found.stamp_ns.tolist(), transform(found.position_m, found.quat_xyzw), strict=True))
+    return stamped_poses(read_trajectory(file, topic=topic, quaternion="xyzw"))
 
 
 def program_path() -> str:
@@ -99,7 +97,7 @@ def program_path() -> str:
     return os.pathsep.join([os.environ.get("PATH", os.defpath), str(Path(sys.executable).parent)])
 
 
-def _run(words: list[str]) -> None:
+def _run_program(words: list[str]) -> None:
     environment = {**os.environ, "PATH": program_path()}
     try:
         subprocess.run(words, check=True, env=environment)

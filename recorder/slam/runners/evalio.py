@@ -2,11 +2,12 @@
 
 They get a full sweep, beam by beam, in which a ray without a return is a point at the origin, and all
 inertial samples up to its end; their settings are evalio's own, but motion compensation is switched on,
-and MAD-ICP is not told to hurry, so that its result does not depend on the machine.
+and MAD-ICP may take its time, so that its result does not depend on the machine.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ def run_pipeline(sequence: SlamSequence, clock: FrameClock, pipeline: str) -> li
     system.set_imu_params(imu_params(sequence, types))
     system.set_imu_T_lidar(types.SE3.from_mat(np.asfortranarray(sequence.T("imu", "lidar"))))
     settings = dict(system.default_params())
-    # Settings that are not handed over are empty in some pipelines, whatever their defaults say.
+    # Settings that are not handed over are empty in some pipelines, whatever their defaults are.
     wanted = {"deskew": True, "realtime": False}
     system.set_params(settings | {name: value for name, value in wanted.items() if name in settings})
     system.initialize()
@@ -113,44 +114,23 @@ def _from_bytes(grid: NDArray[np.void], stamp: Any) -> Any:
     ]
     rows, columns = grid.shape
     about = PointCloudMetadata(
-        stamp=stamp,
-        height=rows,
-        width=columns,
-        point_step=_POINT.itemsize,
-        row_step=columns * _POINT.itemsize,
-        is_bigendian=0,
-        is_dense=1,
-    )
+        stamp=stamp, height=rows, width=columns, point_step=_POINT.itemsize,
+        row_step=columns * _POINT.itemsize, is_bigendian=0, is_dense=1,
+    )  # fmt: skip
     measurement = pc2_to_evalio(about, fields, grid.tobytes())
     fill_col_row_major(measurement)
     return measurement
 
 
-def loam(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
-    """LOAM as re-written by McGann."""
-    return run_pipeline(sequence, clock, "LOAM")
-
-
-def lio_sam(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
-    """LIO-SAM (Shan et al. 2020) without loop closures."""
-    return run_pipeline(sequence, clock, "LioSAM")
-
-
-def dlio(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
-    """DLIO (Chen et al. 2023)."""
-    return run_pipeline(sequence, clock, "DLIO")
-
-
-def ct_icp(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
-    """CT-ICP (Dellenbach et al. 2022)."""
-    return run_pipeline(sequence, clock, "CTICP")
-
-
-def mad_icp(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
-    """MAD-ICP (Ferrari et al. 2024)."""
-    return run_pipeline(sequence, clock, "MadICP")
-
-
-def form(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
-    """FORM (Potokar and Kaess 2025)."""
-    return run_pipeline(sequence, clock, "FORM")
+loam = partial(run_pipeline, pipeline="LOAM")
+"""LOAM as re-written by McGann."""
+lio_sam = partial(run_pipeline, pipeline="LioSAM")
+"""LIO-SAM (Shan et al. 2020) without loop closures."""
+dlio = partial(run_pipeline, pipeline="DLIO")
+"""DLIO (Chen et al. 2023)."""
+ct_icp = partial(run_pipeline, pipeline="CTICP")
+"""CT-ICP (Dellenbach et al. 2022)."""
+mad_icp = partial(run_pipeline, pipeline="MadICP")
+"""MAD-ICP (Ferrari et al. 2024)."""
+form = partial(run_pipeline, pipeline="FORM")
+"""FORM (Potokar and Kaess 2025)."""

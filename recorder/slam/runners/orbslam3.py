@@ -22,11 +22,10 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.text_files import read_text
-from carlaloc_env.core.geometry.transforms import transform
 from recorder.dataset.readings import StereoPair
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.slam.system import FrameClock, StampedPose
+from recorder.slam.system import FrameClock, StampedPose, stamped_poses
 
 PYTHON, VOCABULARY = "CARLALOC_ORBSLAM3_PYTHON", "CARLALOC_ORBSLAM3_VOCABULARY"
 """Environment variables: the Python that has pyorbslam3, if not this one, and the vocabulary's file."""
@@ -34,26 +33,22 @@ PYTHON, VOCABULARY = "CARLALOC_ORBSLAM3_PYTHON", "CARLALOC_ORBSLAM3_VOCABULARY"
 
 def stereo(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
     """Poses of the left camera."""
-    return _run(sequence, clock, inertial=False)
+    return _run_orbslam3(sequence, clock, inertial=False)
 
 
 def stereo_inertial(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
     """Poses of the IMU; there are none before it has moved enough to start."""
-    return _run(sequence, clock, inertial=True)
+    return _run_orbslam3(sequence, clock, inertial=True)
 
 
-def _run(sequence: SlamSequence, clock: FrameClock, *, inertial: bool) -> list[StampedPose]:
+def _run_orbslam3(sequence: SlamSequence, clock: FrameClock, *, inertial: bool) -> list[StampedPose]:
     vocabulary = Path(os.environ.get(VOCABULARY, ""))
     clock.notes.append(f"vocabulary {vocabulary.name}, {_shape(vocabulary)}")
     with tempfile.TemporaryDirectory() as folder:
         settings, out = Path(folder, "settings.yaml"), Path(folder, "trajectory.txt")
         settings.write_text(_settings(sequence, inertial=inertial), encoding="utf-8")
-        job = {
-            "vocabulary": str(vocabulary.resolve()),
-            "settings": str(settings),
-            "out": str(out),
-            "inertial": inertial,
-        }
+        paths = {"vocabulary": vocabulary.resolve(), "settings": settings, "out": out}
+        job = {"inertial": inertial, **{name: str(path) for name, path in paths.items()}}
         with _server(job) as server:
             for pair, samples in _fed(sequence, inertial=inertial):
                 with clock.frame():
@@ -64,9 +59,7 @@ def _run(sequence: SlamSequence, clock: FrameClock, *, inertial: bool) -> list[S
             raise EvaluationError("ORB-SLAM3 never started: " + ("too little moves" if inertial else "lost"))
         if not out.is_file():
             raise EvaluationError("ORB-SLAM3 lost its map and kept none: it wrote no trajectory")
-        found = read_tum(out)
-    poses = transform(found.position_m, found.quat_xyzw)
-    return list(zip(found.stamp_ns.tolist(), poses, strict=True))
+        return stamped_poses(read_tum(out))
 
 
 def _settings(sequence: SlamSequence, *, inertial: bool) -> str:
@@ -107,11 +100,8 @@ def _fed(sequence: SlamSequence, *, inertial: bool) -> Iterator[tuple[StereoPair
 @contextmanager
 def _server(job: dict[str, Any]) -> Iterator[Any]:
     program = Path(__file__).with_name("orbslam3_server.py")
-    server: Any = subprocess.Popen(
-        [os.environ.get(PYTHON) or sys.executable, str(program)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-    )
+    words = [os.environ.get(PYTHON) or sys.executable, str(program)]
+    server: Any = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     try:
         with suppress(BrokenPipeError):
             server.stdin.write(json.dumps(job).encode() + b"\n")

@@ -10,7 +10,7 @@ from recorder.dataset.sequence import SlamSequence
 from recorder.slam.system import FrameClock, StampedPose
 
 
-def run(sequence: SlamSequence, clock: FrameClock) -> Iterator[StampedPose]:
+def run_rko_lio(sequence: SlamSequence, clock: FrameClock) -> Iterator[StampedPose]:
     """Poses of the IMU, which is its base frame here, at the ends of the sweeps."""
     from rko_lio.config import LIOConfig
     from rko_lio.lio import LIO

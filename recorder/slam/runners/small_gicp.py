@@ -14,15 +14,14 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from recorder.dataset.scans import ScanSource
 from recorder.evaluation.se3 import composed_covariance
+from recorder.slam.runners.kiss_icp import RANGE_MAX_M, RANGE_MIN_M
 from recorder.slam.system import FrameClock, StampedPose
 
-RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0
-"""Returns outside are not used [m]."""
 POINT_SPACING_M, VOXEL_M = 0.25, 1.0
 """Spacing of a scan's points after thinning [m] and edge of the map's voxels [m]."""
 
 
-def run(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPose]:
+def run_small_gicp(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPose]:
     """Poses of the LiDAR."""
     import small_gicp
 

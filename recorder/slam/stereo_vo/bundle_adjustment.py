@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geometry.transforms import quat_to_matrix, rotvec_to_quat
+from recorder.evaluation.se3 import cross_matrix
 
 HUBER_PX = 1.0
 """Error from which a sighting counts linearly [px]."""
 DEPTH_MIN_M = 0.5
-"""Landmarks nearer than this say nothing: they lie behind the camera or in it."""
+"""Landmarks nearer than this do not count: they lie behind the camera or in it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +44,7 @@ class StereoCamera:
         """Derivative of `project` by the points, shape (N, 3, 3)."""
         x, y, z = points_m.T
         f, zero = self.focal_px / z, np.zeros(len(z))
-        rows = [
-            [f, zero, -f * x / z],
-            [zero, f, -f * y / z],
-            [f, zero, -f * (x - self.baseline_m) / z],
-        ]
+        rows = [[f, zero, -f * x / z], [zero, f, -f * y / z], [f, zero, -f * (x - self.baseline_m) / z]]
         J: Array = np.stack([np.stack(row, axis=1) for row in rows], axis=1)
         return J
 
@@ -65,12 +62,7 @@ class Sightings:
 
 
 def adjust(
-    camera: StereoCamera,
-    T_camera_world: Array,
-    points_m: Array,
-    sightings: Sightings,
-    *,
-    iterations: int = 6,
+    camera: StereoCamera, T_camera_world: Array, points_m: Array, sightings: Sightings, *, iterations: int = 6
 ) -> tuple[Array, Array]:
     """Poses and landmarks with the least error; the first pose is held.
 
@@ -128,7 +120,7 @@ def _step(
     by_local = camera.jacobian(local)
     by_local[np.isnan(seen.pixel)] = 0.0
     by_point = by_local @ T[seen.image, :3, :3]
-    by_pose = np.concatenate([by_local, -by_local @ _cross_matrix(local)], axis=2)
+    by_pose = np.concatenate([by_local, -by_local @ cross_matrix(local)], axis=2)
     weighted = weight[:, None, None] * by_pose
 
     shape = (landmarks, images)
@@ -171,11 +163,3 @@ def _moved(T: Array, step: Array) -> Array:
     moved[:, :3, :3] = turn @ T[:, :3, :3]
     moved[:, :3, 3] = np.einsum("kij,kj->ki", turn, T[:, :3, 3]) + step[:, :3]
     return moved
-
-
-def _cross_matrix(v: Array) -> Array:
-    """Matrices that multiply vectorially from the left, shape (N, 3, 3)."""
-    zero = np.zeros(len(v))
-    rows = [[zero, -v[:, 2], v[:, 1]], [v[:, 2], zero, -v[:, 0]], [-v[:, 1], v[:, 0], zero]]
-    matrix: Array = np.stack([np.stack(row, axis=1) for row in rows], axis=1)
-    return matrix

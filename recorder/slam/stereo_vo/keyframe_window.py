@@ -15,7 +15,7 @@ from recorder.slam.stereo_vo.bundle_adjustment import Sightings, StereoCamera, a
 KEYFRAMES = 8
 """Keyframes of a window; the oldest is held."""
 SIGHTINGS_MIN, LANDMARKS_MIN = 2, 12
-"""Keyframes that must see a landmark for it to say something of the way, and least number of these."""
+"""Keyframes that must see a landmark for it to count, and least number of such landmarks."""
 
 
 @dataclass(slots=True)
@@ -89,7 +89,7 @@ class KeyframeWindow:
         for frame, T_camera_world in zip(frames, T, strict=True):
             frame.pose = invert(T_camera_world)
             frame.position_m = points[np.searchsorted(known, frame.label)]
-        # Landmarks that were found just now go where their only image goes.
+        # New landmarks move with the only image that sees them.
         new = ~wanted[np.searchsorted(known, label)]
         moved = frames[-1].position_m
         moved[new] = apply(frames[-1].pose, apply(invert(pose), moved[new]))

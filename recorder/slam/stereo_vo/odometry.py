@@ -27,7 +27,7 @@ from recorder.slam.system import FrameClock, StampedPose
 CORNERS, CORNERS_MIN, SPACING_PX = 700, 350, 9
 """Corners at most, tracks below which new ones are looked for, and least distance of two [px]."""
 DEPTH_MAX_BASELINES = 120.0
-"""Landmarks further away than so many baselines say too little of the way."""
+"""Landmarks further away than so many baselines show too little of the motion."""
 RANSAC_PX, INLIERS_MIN = 1.5, 12
 """Error of an inlier [px], and inliers below which a pose is not believed."""
 KEYFRAME_PX, KEYFRAME_SHARE = 12.0, 0.8

@@ -6,7 +6,7 @@ Examples:
   carlaloc benchmark drive.mcap --rig lidar --methods kiss_icp --condition drive-break/broken.yaml
 
 It writes the counter-example as a bag and a film, its condition, the nearest one that passes, and all tries.
-Tries are kept: the same command goes on from there.
+Tries are kept: the same command resumes the search.
 """
 
 from __future__ import annotations
@@ -15,7 +15,15 @@ import argparse
 from typing import Any
 
 from carlaloc_env.core.errors import UsageError
-from recorder.cli.arguments import OutputFolder, input_path, number, positive_int, positive_seconds
+from recorder.cli.arguments import (
+    OutputFolder,
+    config_of,
+    input_path,
+    number,
+    option,
+    positive_int,
+    positive_seconds,
+)
 from recorder.cli.commands.benchmark import check_tools
 from recorder.cli.progress import Progress
 from recorder.cli.replay_options import add_condition_options, condition_options
@@ -33,18 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=NEUTRAL:WORST",
         help="a quantity to search; else weather, traffic and all faults of the system's sensors",
     )
-    parser.add_argument("--tries", type=positive_int, default=60, metavar="N", help="tries (default: 60)")
-    parser.add_argument(
-        "--stretch",
-        type=positive_seconds,
-        default=10.0,
-        metavar="S",
-        help="length of a try [s] (default: 10)",
-    )
-    parser.add_argument(
-        "--stretches", type=positive_int, default=3, metavar="N", help="stretches (default: 3)"
-    )
-    parser.add_argument("--ape-max", type=number, metavar="M", help="a larger APE is a failure, too [m]")
+    option(parser, "--tries", positive_int, "N", "tries (default: 60)", 60)
+    option(parser, "--stretch", positive_seconds, "S", "length of a try [s] (default: 10)", 10.0)
+    option(parser, "--stretches", positive_int, "N", "stretches (default: 3)", 3)
+    option(parser, "--ape-max", number, "M", "a larger APE is a failure, too [m]")
     parser.add_argument("--seed", type=int, default=0, help="seed of sensor noise and of the search")
     parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
     add_condition_options(parser, weathers=("ClearNoon",), traffic=("dynamic",))
@@ -75,32 +75,33 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     out = arguments.out or drive.with_name(f"{drive.stem}-break")
     options = ReplayOptions(**condition_options(arguments), seed=arguments.seed)
     drives = DriveConfig(episodes=(drive,), options=options, map=arguments.map)
-    config = BreakConfig(
-        method=arguments.method,
+    config = config_of(
+        BreakConfig,
+        arguments,
         sweep=SweepConfig(drives=drives, out=out, axes=(Axis(name="traffic", values=(1.0,)),), seeds=1),
         ranges=tuple(map(Range.parse, arguments.over)) or ranges_of(kinds, weather=True),
         starts_s=tuple(starts.tolist()),
         stretch_s=arguments.stretch,
-        tries=arguments.tries,
         ape_max_m=arguments.ape_max,
     )
     done = 0
     with Progress("tries", unit="tries") as progress:
 
-        def told(one: Try) -> None:
+        def report(tried: Try) -> None:
             nonlocal done
             done += 1
-            progress.pieces(done, config.tries, f"distance {one.distance:.3f}: {one.failed or 'passes'}")
+            progress.pieces(done, config.tries, f"distance {tried.distance:.3f}: {tried.failed or 'passes'}")
 
-        result = find_break(config, told)
+        result = find_break(config, report)
     files = write_counter_example(result, config, out)
 
-    def about(one: Try | None) -> dict[str, Any] | None:
-        if one is None:
+    def about(tried: Try | None) -> dict[str, Any] | None:
+        if tried is None:
             return None
-        values = {r.name: r.value(one.shares[r.name]) for r in config.ranges if r.name in one.shares}
-        return {"distance": one.distance, "start_s": one.start_s, "values": values, "failed": one.failed,
-                "ape_m": one.score.ape_m, "coverage": one.score.coverage}  # fmt: skip
+        values = {r.name: r.value(tried.shares[r.name]) for r in config.ranges if r.name in tried.shares}
+        return {"distance": tried.distance, "start_s": tried.start_s, "values": values,
+                "failed": tried.failed, "ape_m": tried.score.ape_m,
+                "coverage": tried.score.coverage}  # fmt: skip
 
     return {
         "out": str(out),
@@ -114,11 +115,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 def show(result: dict[str, Any]) -> None:
     """Print the counter-example, the nearest condition that passes, and the files."""
     for name, word in (("broken", "mildest failure"), ("passes", "nearest pass")):
-        if (one := result[name]) is None:
+        if (row := result[name]) is None:
             print(f"{word}: none in {result['tries']} tries")
             continue
-        values = ", ".join(f"{key} = {value:g}" for key, value in one["values"].items()) or "nothing changed"
-        print(f"{word} at distance {one['distance']:.3f}, from {one['start_s']:g} s: {values}")
-        print("  " + (one["failed"] or f"APE {one['ape_m']:.3f} m"))
+        values = ", ".join(f"{key} = {value:g}" for key, value in row["values"].items()) or "nothing changed"
+        print(f"{word} at distance {row['distance']:.3f}, from {row['start_s']:g} s: {values}")
+        print("  " + (row["failed"] or f"APE {row['ape_m']:.3f} m"))
     for path in result["files"]:
         print(path)

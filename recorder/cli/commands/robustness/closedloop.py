@@ -17,7 +17,16 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.files.atomic_write import atomic_write
-from recorder.cli.arguments import OutputFolder, force_option, names, numbers, positive_int, positive_seconds
+from recorder.cli.arguments import (
+    OutputFolder,
+    config_of,
+    force_option,
+    names,
+    numbers,
+    option,
+    positive_int,
+    positive_seconds,
+)
 from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -31,24 +40,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc closedloop`."""
     parser.add_argument("town", help="town, or an OpenDRIVE file")
     parser.add_argument("--out", type=OutputFolder(TABLE), required=True, help="folder of the table")
-    parser.add_argument("--methods", type=names, default=(), metavar="A,B", help="systems, or .py files")
-    parser.add_argument(
-        "--offset", type=numbers, default=(), metavar="M,M", help="known errors to the left [m]"
-    )
-    parser.add_argument(
-        "--traffic", type=names, default=("static",), metavar="A,B", help="levels (default: static)"
-    )
-    parser.add_argument(
-        "--seeds", type=positive_int, default=1, metavar="N", help="drives, with seeds from 0 on (default: 1)"
-    )
+    option(parser, "--methods", names, "A,B", "systems, or .py files", ())
+    option(parser, "--offset", numbers, "M,M", "known errors to the left [m]", ())
+    option(parser, "--traffic", names, "A,B", "levels (default: static)", ("static",))
+    option(parser, "--seeds", positive_int, "N", "drives, with seeds from 0 on (default: 1)", 1)
     parser.add_argument("--rig", default="lidar", help="sensors of the systems (default: lidar)")
     parser.add_argument("--route", default="town", choices=("town", "random"), help="town or random")
-    parser.add_argument(
-        "--limit", type=positive_seconds, default=120.0, metavar="S", help="end of a drive [s] (default: 120)"
-    )
-    parser.add_argument(
-        "--silence", type=positive_seconds, default=2.0, metavar="S", help="longest time without a pose [s]"
-    )
+    option(parser, "--limit", positive_seconds, "S", "end of a drive [s] (default: 120)", 120.0)
+    option(parser, "--silence", positive_seconds, "S", "longest time without a pose [s]", 2.0)
     force_option(parser, "an older table")
 
 
@@ -56,17 +55,10 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Drive."""
     from recorder.closed_loop.run import ClosedLoopConfig, run_closed_loop
 
-    config = ClosedLoopConfig(
-        town=arguments.town,
-        methods=arguments.methods,
-        offsets_m=arguments.offset,
-        traffic=arguments.traffic,
-        seeds=tuple(range(arguments.seeds)),
-        rig=arguments.rig,
-        route=arguments.route,
-        time_limit_s=arguments.limit,
-        silence_s=arguments.silence,
-    )
+    config = config_of(
+        ClosedLoopConfig, arguments, offsets_m=arguments.offset, seeds=tuple(range(arguments.seeds)),
+        time_limit_s=arguments.limit, silence_s=arguments.silence,
+    )  # fmt: skip
     table = arguments.out / TABLE
 
     def keep(scores: Sequence[DriveScore]) -> None:

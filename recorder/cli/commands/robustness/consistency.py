@@ -19,9 +19,17 @@ from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.files.atomic_write import atomic_write
-from recorder.cli.arguments import OutputFolder, input_path, names, positive_int, positive_seconds
+from recorder.cli.arguments import (
+    OutputFolder,
+    config_of,
+    input_path,
+    names,
+    option,
+    positive_int,
+    positive_seconds,
+)
 from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_condition_options, add_stretch_options, condition_options
+from recorder.cli.replay_options import add_condition_options, add_stretch_options, drive_config
 
 if TYPE_CHECKING:
     from recorder.consistency.run import ConsistencyResult
@@ -38,26 +46,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=OutputFolder(), required=True, help="folder of runs, table and figure")
     parser.add_argument("--truth", type=input_path, help="true trajectory of the files' frame")
     parser.add_argument(
-        "--align",
-        choices=("first", "none"),
-        default="first",
-        help="of files: lay the first pose on the true",
+        "--align", choices=("first", "none"), default="first", help="of files: lay the first pose on the true"
     )
-    parser.add_argument(
-        "--over", type=positive_seconds, default=10.0, metavar="M", help="distance of relative errors [m]"
-    )
+    option(parser, "--over", positive_seconds, "M", "distance of relative errors [m]", 10.0)
     parser.add_argument("--plot", action="store_true", help=f"draw {PICTURE}, too")
     group = parser.add_argument_group("of a drive")
-    group.add_argument(
-        "--methods", type=names, default=(), metavar="A,B", help="systems, or .py or .yaml files; else all"
-    )
-    group.add_argument(
-        "--seeds", type=positive_int, default=20, metavar="N", help="seeds of noise (default: 20)"
-    )
+    option(group, "--methods", names, "A,B", "systems, or .py or .yaml files; else all", ())
+    option(group, "--seeds", positive_int, "N", "seeds of noise (default: 20)", 20)
     add_condition_options(group, weathers=("ClearNoon",), traffic=("static",))
     add_stretch_options(group)
     group.add_argument("--map", help="map of the drive, where the episode names none that is known")
-    group.add_argument("--workers", type=positive_int, default=1, metavar="N", help="runs at a time")
+    option(group, "--workers", positive_int, "N", "runs at a time", 1)
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -89,27 +88,12 @@ def _of_files(arguments: argparse.Namespace) -> ConsistencyResult:
 
 def _of_drive(arguments: argparse.Namespace) -> ConsistencyResult:
     from recorder.consistency.run import ConsistencyConfig, run_consistency
-    from recorder.replaying.plan import ReplayOptions
-    from recorder.streaming.drive import DriveConfig
 
     given: list[Path] = arguments.data
     if len(given) != 1 or given[0].suffix != ".mcap":
         raise UsageError("give one drive (.mcap), or TUM files with --truth")
-    drive = DriveConfig(
-        episodes=(given[0],),
-        options=ReplayOptions(**condition_options(arguments), seed=arguments.seed),
-        noise_seeds=arguments.seeds,
-        start_s=arguments.start,
-        duration_s=arguments.duration,
-        map=arguments.map,
-    )
-    config = ConsistencyConfig(
-        drive=drive,
-        out=arguments.out,
-        methods=arguments.methods,
-        over_m=arguments.over,
-        workers=arguments.workers,
-    )
+    drive = drive_config(arguments, given, noise_seeds=arguments.seeds)
+    config = config_of(ConsistencyConfig, arguments, drive=drive, over_m=arguments.over)
     with Progress("runs", unit="runs") as progress:
         return run_consistency(config, progress.pieces)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from recorder.cli.arguments import OutputFolder, force_option, input_path, names, number
+from recorder.cli.arguments import OutputFolder, config_of, force_option, input_path, names, number, option
 from recorder.cli.replay_options import add_stretch_options
 
 TABLES = ("reference.csv", "query.csv", "pairs.csv", "scores.csv", "precision_recall.csv")
@@ -29,23 +29,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensor", default="camera", help="camera (the rig's first) or lidar")
     parser.add_argument("--rig", default="paper", help="rig of both drives (default: paper)")
     parser.add_argument("--weather", default="ClearNoon", help="weather of the known drive")
-    parser.add_argument(
-        "--query-weather", type=names, default=("ClearNoon",), metavar="A,B", help="weathers of the queries"
-    )
+    option(parser, "--query-weather", names, "A,B", "weathers of the queries", ("ClearNoon",))
     parser.add_argument("--traffic", default="dynamic", help="traffic level of both")
-    parser.add_argument(
-        "--every", type=number, default=2.0, metavar="M", help="way between frames (default: 2)"
-    )
-    parser.add_argument(
-        "--query-offset", type=number, default=0.0, metavar="M", help="way to the first query; 0: exact twins"
-    )
-    parser.add_argument(
-        "--within", type=number, default=30.0, metavar="M", help="longest distance of a pair (default: 30)"
-    )
-    parser.add_argument(
-        "--overlap", type=number, default=0.5, metavar="SHARE", help="overlap of one place (default: 0.5)"
-    )
-    parser.add_argument("--methods", type=names, default=(), metavar="A,B", help="sift_vlad, map_closures")
+    option(parser, "--every", number, "M", "distance between frames (default: 2)", 2.0)
+    option(parser, "--query-offset", number, "M", "distance to the first query; 0: exact twins", 0.0)
+    option(parser, "--within", number, "M", "longest distance of a pair (default: 30)", 30.0)
+    option(parser, "--overlap", number, "SHARE", "overlap of one place (default: 0.5)", 0.5)
+    option(parser, "--methods", names, "A,B", "sift_vlad, map_closures", ())
     parser.add_argument(
         "--descriptors",
         type=input_path,
@@ -63,26 +53,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.cli.progress import Progress
     from recorder.places.places import PlacesConfig, compare_places
 
-    config = PlacesConfig(
-        reference=arguments.reference,
-        query=arguments.query,
-        out=arguments.out,
-        sensor=arguments.sensor,
-        rig=arguments.rig,
-        weather=arguments.weather,
-        query_weathers=arguments.query_weather,
-        traffic=arguments.traffic,
-        every_m=arguments.every,
-        query_offset_m=arguments.query_offset,
-        within_m=arguments.within,
-        least_overlap=arguments.overlap,
-        methods=arguments.methods,
-        descriptors=tuple(arguments.descriptors),
-        start_s=arguments.start,
-        duration_s=arguments.duration,
-        seed=arguments.seed,
-        map=arguments.map,
-    )
+    config = config_of(
+        PlacesConfig, arguments, query_weathers=arguments.query_weather, every_m=arguments.every,
+        query_offset_m=arguments.query_offset, within_m=arguments.within, least_overlap=arguments.overlap,
+        descriptors=tuple(arguments.descriptors), start_s=arguments.start, duration_s=arguments.duration,
+    )  # fmt: skip
     with Progress("places", unit="frames") as progress:
         result = compare_places(config, progress.update)
     return {
@@ -93,12 +68,12 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
             {
                 "method": method,
                 "query_weather": weather,
-                "queries": one.queries,
-                "recall": {str(n): value for n, value in one.recall.items()},
-                "average_precision": one.average_precision,
-                "recall_at_full_precision": one.recall_at_full_precision,
+                "queries": score.queries,
+                "recall": {str(n): value for n, value in score.recall.items()},
+                "average_precision": score.average_precision,
+                "recall_at_full_precision": score.recall_at_full_precision,
             }
-            for (method, weather), one in result.scores.items()
+            for (method, weather), score in result.scores.items()
         ],
         "files": [str(path) for path in result.files],
     }
@@ -107,10 +82,10 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 def show(result: dict[str, Any]) -> None:
     """Print counts, a line for each method and weather, and the files."""
     print(f"{result['queries']} queries, {result['references']} references, {result['pairs']} pairs")
-    for one in result["scores"]:
-        recall = ", ".join(f"@{n} {value:.3f}" for n, value in one["recall"].items())
+    for row in result["scores"]:
+        recall = ", ".join(f"@{n} {value:.3f}" for n, value in row["recall"].items())
         print(
-            f"  {one['method']:<14} {one['query_weather']:<16} recall {recall} of {one['queries']} queries; "
-            f"average precision {one['average_precision']:.3f}"
+            f"  {row['method']:<14} {row['query_weather']:<16} recall {recall} of {row['queries']} queries; "
+            f"average precision {row['average_precision']:.3f}"
         )
     print(*result["files"], sep="\n")

@@ -6,7 +6,7 @@ Examples:
   carlaloc sweep drive.mcap --rig lidar --over traffic=0,1 --over fault.lidar.drop_share=0:0.8:5 --product
 
 Each --over is swept by itself from the base condition (--weather, --traffic, --fault). Results are kept, and
-the same command goes on from there.
+the same command resumes the sweep.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import argparse
 import sys
 from typing import Any
 
-from recorder.cli.arguments import OutputFolder, input_path, names, positive_int
+from recorder.cli.arguments import OutputFolder, config_of, input_path, names, option, positive_int
 from recorder.cli.commands.benchmark import check_tools
 from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_condition_options, add_stretch_options, condition_options
+from recorder.cli.replay_options import add_condition_options, add_stretch_options, drive_config
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,33 +32,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=FROM:TO:N",
         help="traffic, a quantity of the weather or fault.SENSOR.NAME; logN spaces evenly in the logarithm",
     )
-    parser.add_argument("--seeds", type=positive_int, default=5, metavar="N", help="seeds (default: 5)")
+    option(parser, "--seeds", positive_int, "N", "seeds (default: 5)", 5)
     parser.add_argument("--product", action="store_true", help="run all combinations of the axes")
-    add_system_options(parser)
-    add_condition_options(parser, weathers=("ClearNoon",), traffic=("dynamic",))
-    add_stretch_options(parser)
-
-
-def add_system_options(parser: argparse.ArgumentParser) -> None:
-    """Declare systems and how they are run."""
-    parser.add_argument(
-        "--methods", type=names, default=(), metavar="A,B", help="systems; else all installed"
-    )
-    parser.add_argument("--workers", type=positive_int, default=1, metavar="N", help="systems at a time")
+    option(parser, "--methods", names, "A,B", "systems; else all installed", ())
+    option(parser, "--workers", positive_int, "N", "systems at a time", 1)
     parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
-    parser.add_argument(
-        "--clouds", type=names, default=("raw",), metavar="A,B", help="raw, seg (default: raw)"
-    )
+    option(parser, "--clouds", names, "A,B", "raw, seg (default: raw)", ("raw",))
     parser.add_argument("--again", choices=("failed", "all"), help="run kept results again, too")
     parser.add_argument("--map", help="map of the drives, where the episodes name none that is known")
+    add_condition_options(parser, weathers=("ClearNoon",), traffic=("dynamic",))
+    add_stretch_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the sweep."""
     check_tools()
     from recorder.benchmark.config import BenchmarkConfig
-    from recorder.replaying.plan import ReplayOptions
-    from recorder.streaming.drive import DriveConfig
     from recorder.sweep.plan import SweepConfig
     from recorder.sweep.report import write_report
     from recorder.sweep.run import run_sweep
@@ -67,25 +56,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     axes = tuple(Axis.parse(word) for word in arguments.over)
     first = arguments.drives[0].resolve()
     out = arguments.out or first.with_name(f"{first.stem}-sweep")
-    drives = DriveConfig(
-        episodes=tuple(arguments.drives),
-        options=ReplayOptions(**condition_options(arguments), seed=arguments.seed),
-        start_s=arguments.start,
-        duration_s=arguments.duration,
-        map=arguments.map,
-    )
+    drives = drive_config(arguments, arguments.drives)
     config = SweepConfig(
         drives=drives, out=out, axes=axes, seeds=arguments.seeds, is_product=arguments.product
     )
-    benchmark = BenchmarkConfig(
-        data=drives,
-        out=out,
-        methods=arguments.methods,
-        workers=arguments.workers,
-        clouds=arguments.clouds,
-        again=arguments.again,
-        cluster=arguments.cluster,
-    )
+    benchmark = config_of(BenchmarkConfig, arguments, data=drives, out=out)
     with Progress("runs", unit="runs") as progress:
         result = run_sweep(config, benchmark, progress.pieces, lambda line: print(line, file=sys.stderr))
     files = write_report(result)
