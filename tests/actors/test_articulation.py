@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
+from shared_fixtures.worlds.meshes import model
+from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.actors.instances import place_actors, place_ego, place_lights
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
-from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.assets.vehicles.cycles import CRANK_TRAVEL_M, PEDAL_PHASES
 from carlaloc_env.assets.walkers.gait import SHANK, THIGH
 from carlaloc_env.assets.walkers.pedalling import FOOT_M, pedal_at, push_pedals
@@ -17,40 +17,19 @@ from carlaloc_env.assets.walkers.skeleton import Joints
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary
+from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.snapshot import ego_lights
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_REVERSE, ActorCatalog, ActorFrame
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
 
-@pytest.fixture(scope="module")
-def library() -> ModelLibrary:
-    return build_library()
-
-
-def model(library: ModelLibrary, name: str) -> Mesh:
-    return library.meshes[library.index(name)]
-
-
 def actors(*names: str) -> tuple[ActorCatalog, ActorFrame]:
     """Some actors who stand at the origin."""
-    count = len(names)
     families = [VEHICLES.get(name) for name in names]
-    catalog = ActorCatalog(
-        id=np.arange(count, dtype=np.uint32) + EGO_INSTANCE + 1,
-        model=names,
-        tag=np.array([Tag.PEDESTRIAN if f is None else f.tag for f in families], np.uint8),
-        size_m=np.ones((count, 3), np.float32),
-        tint=np.full((count, 3), 255, np.uint8),
-    )
+    tags = [Tag.PEDESTRIAN if f is None else f.tag for f in families]
     assert all(f is not None or name in WALKERS for f, name in zip(families, names, strict=True))
-    zero = np.zeros(count, np.float32)
-    frame = ActorFrame(
-        position_m=np.zeros((count, 3), np.float32), heading_rad=zero, pitch_rad=zero, speed_mps=zero,
-        travelled_m=zero, steer_rad=zero, lights=np.zeros(count, np.uint8),
-    )  # fmt: skip
-    return catalog, frame
+    return Scenery.catalog(names, tags), Scenery.frame(np.zeros((len(names), 3)))
 
 
 def test_reversing_lamps_are_lit_backwards(library: ModelLibrary) -> None:
