@@ -1,4 +1,4 @@
-"""The style check of `make check` finds bad sentences; help and public docstrings keep its rules, too."""
+"""Checks of sentences, commit subjects and lines of code; help and public docstrings keep the rules, too."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import inspect
 import re
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -16,15 +17,22 @@ from shared_fixtures.processes.commands import all_commands
 import carlaloc_env
 import recorder
 
+CHECKS = Path(__file__).parents[2] / ".ci"
 
-@pytest.fixture(scope="module")
-def prose() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("prose", Path(__file__).parents[2] / ".ci" / "prose.py")
+
+def check(name: str) -> ModuleType:
+    """A script of `.ci/` as a module."""
+    spec = importlib.util.spec_from_file_location(name, CHECKS / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def prose() -> ModuleType:
+    return check("prose")
 
 
 @pytest.mark.parametrize(
@@ -86,3 +94,59 @@ def _docstrings() -> Iterator[str]:
             for node in ast.walk(tree):
                 if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
                     yield inspect.cleandoc(str(node.value.value))
+
+
+@pytest.mark.parametrize(
+    ("subject", "fault"),
+    [
+        ("docs: name the subject in titles", ""),
+        ("recorder/cli: pass the option on", ""),
+        ('Revert "docs: name the subject in titles"', ""),
+        ("Name the subject in titles", "no `area: `"),
+        ("The docs: name the subject", "no `area: `"),
+        ("docs: named the subject", "no imperative"),
+        ("docs: naming the subject", "no imperative"),
+        ("docs: names the subject", "no imperative"),
+        ("docs: name the subject.", "full stop"),
+        ("docs: name the subject" + " of it" * 9, "76 characters, more than 72"),
+    ],
+)
+def test_commit_subjects(subject: str, fault: str, tmp_path: Path) -> None:
+    """A hook runs the script on the file of the message, in which git writes comments, too."""
+    message = tmp_path / "COMMIT_EDITMSG"
+    message.write_text(f"# A comment.\n{subject}\n\nThe body is free. It has any length." + " word" * 20)
+    done = subprocess.run([CHECKS / "commit-subject", message], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (int(bool(fault)), "")
+    assert fault in done.stderr
+    assert len(done.stderr.splitlines()) == int(bool(fault))
+
+
+SOURCE = """
+'''Docstring
+in two lines.'''
+
+from math import (
+    pi,
+)
+
+
+def area_m2(radius_m: float) -> str:
+    '''Docstring.'''
+    text = '''a string
+    of two lines'''  # Comment.
+
+    # Comment.
+    return text + str(
+        pi * radius_m**2
+    )
+"""
+
+
+def test_lines_of_code_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither docstrings, comments, blanks nor imports count; every line of a longer statement does."""
+    counter = check("code_lines")
+    assert counter.code_lines(SOURCE) == 6
+    counter.main()
+    (line,) = capsys.readouterr().out.splitlines()
+    counts = r"carlaloc_env \+ recorder \d{5} \(budget 53500\), tests \d{5} \(budget 28000\), maps \d{4}, .*"
+    assert re.fullmatch(f"lines of code: {counts}", line)
