@@ -1,6 +1,6 @@
-"""What the renderer's short cuts buy: `python benchmarks/acceleration.py [--repeat N] [NAME ...]`.
+"""Savings of the renderer's optimisations: `python benchmarks/acceleration.py [--repeat N] [NAME ...]`.
 
-One stereo instant of the paper's rig in Town03 among 60 actors (see stereo.py), with each short cut and the
+One stereo frame of the paper's rig in Town03 among 60 actors (see stereo.py), with each short cut and the
 plain way in its place, in turn. Prints the shortest wall-clock and processor times and the share of the
 instant that the short cut saves; docs/performance.md has the table.
 """

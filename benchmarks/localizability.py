@@ -3,7 +3,7 @@
 Point-to-plane ICP minimises Σ (nᵢ · (R pᵢ + t − qᵢ))². Linearised at the true pose, point pᵢ with unit
 normal nᵢ has the Jacobian Jᵢ = [(pᵢ × nᵢ)ᵀ, nᵢᵀ] for a small rotation and a shift, so that a scan of N
 points has the information H = Σ JᵢᵀJᵢ / N per point, for errors of 1 m along the normals. Its eigenvalues
-tell where an odometry degenerates (Zhang, Kaess, Singh: On Degeneracy of Optimization-based State Estimation
+show where an odometry degenerates (Zhang, Kaess, Singh: On Degeneracy of Optimization-based State Estimation
 Problems, ICRA 2016; Tuna et al.: X-ICP, T-RO 2023). Rotation is unknown, too: what is left for the shift of
 the sensor is the Schur complement S = H_tt − H_tr H_rr⁻¹ H_rt, the inverse of its marginal covariance. The
 least eigenvalue of S lies between 0, where a shift goes unseen, and 1/3, a box about the sensor.

@@ -59,7 +59,7 @@ def pull_mps(points_m: Array, normals: Array, velocities_mps: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldAmongMovers:
-    """What one scan among traffic is worth."""
+    """Measures of one scan among traffic."""
 
     at_rest: float
     """`Localizability.least` of firm returns if nobody else were on the road."""
@@ -84,7 +84,7 @@ class DriveScans:
         self._stage = SensorStage(town, seed=0, weather=weather_by_name("ClearNoon"))
         self._rays: RayScene = self._stage.rays()
         self._timeline, self._lidar, self._mount = timeline, lidar, lidar.mount.T_base_sensor
-        # Every other ray tells as much.
+        # Every other ray is enough.
         self._directions = directions_past_the_car(self._stage, lidar)[::2]
 
     def close(self) -> None:

@@ -113,23 +113,23 @@ def differences(pairs: list[tuple[Path, Path]]) -> str:
     largest: dict[str, float] = defaultdict(float)
     differing: dict[str, int] = defaultdict(int)
     total: dict[str, int] = defaultdict(int)
-    said = set()
+    remarks = set()
     for pair in pairs:
         wide, narrow = (columns_of(path) for path in pair)
         if not wide:
-            said.add("other bytes")
+            remarks.add("other bytes")
         for name, values in wide.items():
             others = narrow[name]
             if values.shape != others.shape:
-                said.add(f"{name}: {len(values)} and {len(others)}")
+                remarks.add(f"{name}: {len(values)} and {len(others)}")
                 continue
             apart = np.abs(values.astype(np.float64) - others.astype(np.float64))
             apart = apart[np.isfinite(apart)]
             largest[name] = max(largest[name], float(apart.max(initial=0.0)))
             differing[name] += int(np.count_nonzero(apart))
             total[name] += values.size
-    told = [f"{n} {largest[n]:.3g} in {differing[n] / total[n]:.2g}" for n in largest if differing[n]]
-    return "; ".join([*told, *sorted(said)])
+    numbers = [f"{n} {largest[n]:.3g} in {differing[n] / total[n]:.2g}" for n in largest if differing[n]]
+    return "; ".join([*numbers, *sorted(remarks)])
 
 
 def columns_of(path: Path) -> Columns:

@@ -1,4 +1,4 @@
-"""The dataset factory: what a second of driving under one condition takes, beside naive PyBullet."""
+"""The dataset factory: time per condition-second, compared with naive PyBullet."""
 
 from __future__ import annotations
 

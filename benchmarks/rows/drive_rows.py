@@ -1,4 +1,4 @@
-"""What a person who drives feels: pictures in the window, and what recording takes."""
+"""Interactive driving: pictures per second in the window, and the cost of recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What making frames for systems takes, which read a drive in place of a dataset."""
+"""Time to make frames for systems that read a drive in place of a dataset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Do moving objects and weather hurt here what they hurt in the CARLA-Loc paper? Writes the findings.
+"""Compare effects of movers and weather with those in the CARLA-Loc paper, and write the findings.
 
 python docs/findings/findings.py --work DIR         drives, runs what is not done yet, then writes
 python docs/findings/findings.py SCORES [SCORES …]  only writes, from folders that `carlaloc benchmark` wrote
@@ -41,7 +41,7 @@ from recorder.slam.systems import SYSTEMS
 
 HERE = Path(__file__).resolve().parent
 PAGE, FIGURES, PICTURE = "findings.md", "findings/figures.md", "pictures/findings.png"
-"""What is written, below the folder of docs: answers, all figures, and ratios of each town."""
+"""Written files, below the folder of docs: answers, all figures, and ratios of each town."""
 LIDAR_METHODS = "kiss_icp,small_gicp,genz_icp,rko_lio"
 CAMERA_METHODS = "stereo_vo"
 """ORB-SLAM3 wants a Python and a vocabulary of its own: name them with --camera-methods."""
@@ -119,7 +119,7 @@ def _compared(runs: pd.DataFrame, source: str) -> pd.DataFrame:
             "median": times(ratio["median"]),
             "range": times(ratio["low"]) + "–" + times(ratio["high"]),
             "larger": counted(ratio["larger"], ratio["pairs"]),
-            "what it says": [verdict(row) for row in ratio.itertuples()],
+            "result": [verdict(row) for row in ratio.itertuples()],
         }
     )
 
@@ -143,7 +143,7 @@ def findings_text(runs: pd.DataFrame) -> str:
             table = error_table(ours, by_weather=visual)
             parts += [f"### APE of {name} systems [m], RMSE", "", markdown_table(table), ""]
             parts += ["The paper's:", "", markdown_table(error_table(theirs, by_weather=visual)), ""]
-    for title, table in (("What the runs cost", cost_table(runs)), ("Why runs failed", failure_table(runs))):
+    for title, table in (("Cost of the runs", cost_table(runs)), ("Failed runs", failure_table(runs))):
         if len(table):
             parts += [f"### {title}", "", markdown_table(table), ""]
     return "\n".join(parts)
