@@ -1,6 +1,6 @@
 """Check the style of README, CHANGELOG, CONTRIBUTING and docs; CONTRIBUTING has the rules.
 
-Tables, headings and code are not checked. Exit code 1: a sentence breaks a rule.
+In tables, only refused phrases count; code is not checked. Exit code 1: a sentence or title breaks a rule.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ WORDS_MAX = 35
 NUMBERS_MAX = 6
 """Outside brackets; the numbers of towns do not count."""
 
-UNCHECKED = re.compile(r"^```.*?^```|<!--.*?-->|^\s*\|[^\n]*|^#[^\n]*", re.DOTALL | re.MULTILINE)
+CODE = re.compile(r"^```.*?^```|<!--.*?-->", re.DOTALL | re.MULTILINE)
+UNCHECKED = re.compile(CODE.pattern + r"|^\s*\|[^\n]*|^#[^\n]*", re.DOTALL | re.MULTILINE)
 ITEM = r"^[ ]*(?:[*-]|\d+\.)[ ]"
 BLOCK = re.compile(rf"(?:{ITEM})?\S.*?(?=\n\s*\n|\n{ITEM[1:]}|\Z)", re.DOTALL | re.MULTILINE)
 SENTENCE = re.compile(r"\S.*?(?:[.!?](?=[\W_]*(?:\s+[\W_]*[A-Z0-9`]|$))|$)", re.DOTALL)
@@ -23,6 +24,45 @@ SUBJECT = re.compile(
     r"(?:^|[;:] |, (?:and|but|so) )(?:what|who|all that)\b|\b(?:whoever|whatever|nobody)\b", re.IGNORECASE
 )
 SPEECH = re.compile(r"\b(?:tell|tells|told|telling|say|says|said|saying|speaks?)\b", re.IGNORECASE)
+COUNT = r"(?:one|two|three|four|five|six|seven|eight|nine|ten|half|\d+)"
+COUNTED = re.compile(
+    rf"^{COUNT} (?:is|are|was|were|has|have|had|do|does|fails?|uses?|exceeds?|takes?|needs?|shows?)\b"
+    rf"|\b(?:shows?|has|have|gives?|finds?) {COUNT} of {COUNT}(?=[.,;:]|$)",
+    re.IGNORECASE,
+)
+"""A count in place of a noun: *Three test the renderer*, *It shows one of seven*."""
+TITLE = re.compile(
+    r"(?:what|why|where|when|who|which|is|are|does|do|how (?!to\b))\b(?!.*\?$)|the \w+ (?:at|as|on) "
+    r"|(?:at the|on with|beside|going)\b|.*(?:, and\b|\bagain$|\bone's own\b|\.$)",
+    re.IGNORECASE,
+)
+"""Titles that are clauses or hints, and no names of a subject; questions may be titles."""
+DIALECT = {
+    r"\b(?:goes|go|went|going) on\b(?! \w+ing\b)": "continue, resume",
+    r"\bset(?:s|ting)? off\b|\bdrives? off\b": "start",
+    r"\bcloses? up\b": "approach, follow",
+    r"\b(?:need|needs) not\b": "can be harmless, does not have to",
+    r"\bshort cuts?\b": "optimisation",
+    r"\bplain way\b": "direct method",
+    r"\b(?:straight|narrow|shorter|same|opposite|true) ways?\b|\b[%m] of (?:the )?way\b": "path",
+    r"\bprocessor time\b|\bof the processor\b": "CPU time",
+    r"\bof the clock\b|\bon the clock\b": "wall-clock time",
+    r"\bseconds? driven\b|\bdriven seconds?\b": "simulated second",
+    r"\bquiet (?:\w+ )?(?:machines?|cores?)\b": "idle",
+    r"\b(?:beside other work|did other work|runs? beside)\b": "on a shared machine",
+    r"\b(?:its|our|one's) own(?=[.,;:)]| \(|$)": "separate, or a noun after it",
+    r"\bat the wheel\b": "drives",
+    r"\b(?:row|line) an? (?:query|run|point|pose|town|sequence|frame|system)\b": "a row for each",
+    r"\b(?:be|was|were|is|are) had\b": "installed, available",
+    r"\bof (?:then|that time|yesterday)\b": "the version or date",
+    r"\btime stands still\b": "one instant",
+    r"\b(?:costs?|gains?|loses?|lost) (?:[\w-]+ )?×": "increases the error by",
+    r"\bby as much\b": "by this factor",
+    r"\b(?:to|with) no one\b": "the noun",
+    r"\b(?:figures?|tables?|rules?|limits?|names?|numbers?|hash(?:es)?|units) stands?\b": "is in, is given",
+    r"\b(?:a|the) bar for\b": "a limit, a target",
+}
+"""Refused phrases, and what to write."""
 TOWNS = re.compile(r"\bTowns? ?\d\d(?:(?:, | and )(?:Town)?\d\d)*")
 NUMBER = re.compile(r"(?<![\w.])\d[\d.,]*(?: \d{3}\b)*")
 
@@ -40,17 +80,43 @@ def sentences(page: str) -> Iterator[tuple[int, str]]:
             yield line, re.sub(r"[*_`]", "", " ".join(found[0].split()))
 
 
+def titles(page: str) -> Iterator[tuple[int, str]]:
+    """Line and text of every title of a Markdown page."""
+    page = CODE.sub(lambda found: "\n" * found[0].count("\n"), page)
+    for found in re.finditer(r"^#+ (.+)$", page, re.MULTILINE):
+        yield page.count("\n", 0, found.start()) + 1, found[1]
+
+
+def rows(page: str) -> Iterator[tuple[int, str]]:
+    """Line and text of every row of a table; code in backquotes becomes one word."""
+    page = CODE.sub(lambda found: "\n" * found[0].count("\n"), page)
+    for found in re.finditer(r"^\s*\|[^\n]*", page, re.MULTILINE):
+        yield page.count("\n", 0, found.end()) + 1, re.sub(r"`[^`]*`", "`code`", found[0].strip())
+
+
+def dialect(text: str) -> Iterator[str]:
+    """Rules for refused phrases of a text."""
+    for pattern, better in DIALECT.items():
+        if found := re.search(pattern, text, re.IGNORECASE):
+            yield f"'{found[0]}' (better: {better})"
+
+
 def faults(page: str) -> Iterator[tuple[int, str, str]]:
-    """Line, broken rule and text of every sentence that breaks one."""
+    """Line, broken rule and text of every title, row or sentence that breaks one."""
+    yield from ((line, "title", text) for line, text in titles(page) if TITLE.match(text))
+    for line, text in [*titles(page), *rows(page)]:
+        yield from ((line, rule, text) for rule in dialect(text))
     for line, text in sentences(page):
         plain = TOWNS.sub("towns", re.sub(r"\([^()]*\)", "", text))
         checks = {
             "subject": SUBJECT.search(text) and not text.endswith("?"),
+            "count as a subject": COUNTED.search(text),
             "verb of speech": SPEECH.search(text),
             f"more than {WORDS_MAX} words": len(text.split()) > WORDS_MAX,
             f"more than {NUMBERS_MAX} numbers": len(NUMBER.findall(plain)) > NUMBERS_MAX,
         }
-        yield from ((line, rule, text) for rule, broken in checks.items() if broken)
+        rules = [rule for rule, broken in checks.items() if broken]
+        yield from ((line, rule, text) for rule in [*rules, *dialect(text)])
 
 
 def main() -> int:

@@ -6,7 +6,7 @@ Examples:
   carlaloc benchmark drive.mcap --rig lidar --methods kiss_icp --condition drive-break/broken.yaml
 
 It writes the counter-example as a bag and a film, its condition, the nearest one that passes, and all tries.
-Tries are kept: the same command goes on from there.
+Tries are kept: the same command resumes from there.
 """
 
 from __future__ import annotations

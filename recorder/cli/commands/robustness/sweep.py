@@ -6,7 +6,7 @@ Examples:
   carlaloc sweep drive.mcap --rig lidar --over traffic=0,1 --over fault.lidar.drop_share=0:0.8:5 --product
 
 Each --over is swept by itself from the base condition (--weather, --traffic, --fault). Results are kept, and
-the same command goes on from there.
+the same command resumes from there.
 """
 
 from __future__ import annotations
