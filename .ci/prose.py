@@ -1,16 +1,20 @@
-"""Check the style of README, CHANGELOG, CONTRIBUTING and docs; CONTRIBUTING has the rules.
+"""Check the style of pages, tutorials, and docstrings of scripts for readers; CONTRIBUTING has the rules.
 
 In tables, only refused phrases count; code is not checked. Exit code 1: a sentence or title breaks a rule.
 """
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+SCRIPTS = ("examples", "benchmarks", "docs")
+"""Folders whose docstrings and tutorials are checked besides the pages."""
 WORDS_MAX = 35
 NUMBERS_MAX = 6
 """Outside brackets; the numbers of towns do not count."""
@@ -119,13 +123,33 @@ def faults(page: str) -> Iterator[tuple[int, str, str]]:
         yield from ((line, rule, text) for rule in [*rules, *dialect(text)])
 
 
+def docstrings(source: str) -> Iterator[tuple[int, str]]:
+    """First line and text of every docstring of a module; lines of arguments become items."""
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Expr(value=ast.Constant(value=str(text))):
+                text = re.sub(r"(?m)^\w+:$", "", inspect.cleandoc(text))
+                yield node.lineno, re.sub(r"(?m)^ +(?=\*{0,2}\w+: )", "* ", text)
+
+
+def texts() -> Iterator[tuple[Path, int, str]]:
+    """File, first line and text of everything that is checked."""
+    pages = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")]
+    for page in pages + sorted((ROOT / "docs").rglob("*.md")):
+        yield page, 1, page.read_text(encoding="utf-8")
+    for path in sorted(path for folder in SCRIPTS for path in (ROOT / folder).rglob("*.py")):
+        source = path.read_text(encoding="utf-8")
+        yield from ((path, line, text) for line, text in docstrings(source))
+        for cell in re.finditer(r"^# %% \[markdown\]\n((?:#.*\n)+)", source, re.MULTILINE):
+            yield path, source.count("\n", 0, cell.start(1)) + 1, re.sub(r"(?m)^# ?", "", cell[1])
+
+
 def main() -> int:
     """Print every fault."""
-    pages = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")]
     code = 0
-    for page in pages + sorted((ROOT / "docs").rglob("*.md")):
-        for line, rule, text in faults(page.read_text(encoding="utf-8")):
-            sys.stdout.write(f"{page.relative_to(ROOT)}:{line}: {rule}: {text}\n")
+    for path, first, whole in texts():
+        for line, rule, text in faults(whole):
+            sys.stdout.write(f"{path.relative_to(ROOT)}:{first + line - 1}: {rule}: {text}\n")
             code = 1
     return code
 

@@ -29,7 +29,7 @@ class Row:
     name: str
     """Short name, for ``--only``."""
     what: str
-    """What was measured."""
+    """Measured quantity."""
     value: float | None
     """The reported figure; None when it could not be measured."""
     unit: str

@@ -1,8 +1,8 @@
-"""What of a dataset stands the same on a processor without wide vectors, and by how much the rest differs.
+"""Differences of a dataset made on a processor without wide vectors, by stream.
 
-A short drive is recorded and replayed twice by the commands that a user types, each time with caches of its
-own: once as this machine is, and once with numba, NumPy, OpenCV, OpenBLAS, the C library and llvmpipe
-held to 128-bit vectors without fused multiply-add. Embree chooses for itself.
+A short drive is recorded and replayed twice by the commands that a user types, with separate caches. One run
+uses all instructions of this machine. The other restricts numba, NumPy, OpenCV, OpenBLAS, the C library and
+llvmpipe to 128-bit vectors without fused multiply-add. Embree chooses for itself.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def narrow_environment() -> dict[str, str]:
 
 
 def make(folder: Path, environment: dict[str, str], weathers: str, length_s: float) -> None:
-    """Record and replay a drive in a folder, with its caches; what is there already is kept."""
+    """Record and replay a drive in a folder, with its caches; existing results are kept."""
     if (folder / "data" / "dataset.yaml").exists():
         return
     folder.mkdir(parents=True, exist_ok=True)

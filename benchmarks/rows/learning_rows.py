@@ -108,7 +108,7 @@ def learn_vector(bench: Bench) -> Row:
 
 
 def learn_memory(bench: Bench) -> Row:
-    """Memory that a worker alone holds: what it does not share with the other one."""
+    """Private memory of a worker, without the part that it shares with the other one."""
     row = partial(Row, name="learn_memory", what="memory of a worker beyond what is shared", unit="MB")
     if not can_measure():
         return row(value=None, note="needs Linux's /proc")

@@ -22,7 +22,7 @@ PATIENCE_S = 300.0
 
 
 def opening(bench: Bench) -> Row:
-    """`carlaloc record --device keyboard` with the town in the cache, on a display of its own."""
+    """`carlaloc record --device keyboard` with the town in the cache, on a virtual display."""
     what = f"driver's window of {TOWN} from the cache: command to drive"
     missing = [tool for tool in ("Xvfb", "xwininfo") if shutil.which(tool) is None]
     if missing:

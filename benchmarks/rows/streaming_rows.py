@@ -35,7 +35,7 @@ def stream_lidar(bench: Bench) -> Row:
         unit="× real time a core",
         target=2.0,
         ours=ours,
-        note="by processor time; rays are cast once",
+        note="by CPU time; rays are cast once",
     )
 
 

@@ -3,11 +3,10 @@
 python docs/findings/findings.py --work DIR         drives, runs what is not done yet, then writes
 python docs/findings/findings.py SCORES [SCORES …]  only writes, from folders that `carlaloc benchmark` wrote
 
-A finding is the ratio of two conditions' errors, medians over runs, in every pair of a town; the paper's
-systems by its Tables II and IV (APE [m], one run each) and those of a benchmark. Nothing is claimed that less
-than two thirds of the pairs show, that rests on less than the spread of runs, or whose spread is known in
-less than two thirds of the pairs. Every step that is done is left alone by the next start, so that it may be
-ended at any time.
+A finding is the ratio of two conditions' errors, medians over runs, in every pair of a town. The paper's
+systems have the errors of its Tables II and IV (APE [m], one run each), ours those of a benchmark. We claim a
+direction if two thirds of the pairs or more show it, beyond the spread of runs, and two thirds have a known
+spread. Finished steps are not repeated by the next start, so that it may be ended at any time.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ PAGE, FIGURES, PICTURE = "findings.md", "findings/figures.md", "pictures/finding
 """Written files, below the folder of docs: answers, all figures, and ratios of each town."""
 LIDAR_METHODS = "kiss_icp,small_gicp,genz_icp,rko_lio"
 CAMERA_METHODS = "stereo_vo"
-"""ORB-SLAM3 wants a Python and a vocabulary of its own: name them with --camera-methods."""
+"""ORB-SLAM3 needs a separate Python and a vocabulary: name it in --camera-methods."""
 BEGIN, END = "<!-- figures: made by docs/findings/findings.py -->", "<!-- end of figures -->"
 """`write_findings` writes the part of the page between these lines, people the rest."""
 _PATH = r"(?:/[\w.+-]+)+/([\w.+-]+)"
@@ -89,7 +88,7 @@ def paper_runs() -> pd.DataFrame:
 
 
 def verdict(ratio: Any) -> str:
-    """What a row of `ratios` shows, in words."""
+    """Result of a row of `ratios`, in words."""
     said, why = direction(ratio), doubt(ratio)
     if not why or said == NONE or ratio.pairs < PAIRS_MIN:
         return why if ratio.pairs < PAIRS_MIN else said

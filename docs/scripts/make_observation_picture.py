@@ -1,4 +1,4 @@
-"""Draw docs/pictures/observations.jpg: what an agent sees, beside the view from its seat.
+"""Draw docs/pictures/observations.jpg: an agent's observations, and the view from the seat.
 
 `python docs/scripts/make_observation_picture.py`
 """

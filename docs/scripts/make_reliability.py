@@ -53,7 +53,7 @@ def _tests(folder: str, names: str) -> list[str]:
 
 
 def _report(test: str) -> Path:
-    """What a test reported, now or in a run before."""
+    """Report of a test, from this run or an earlier one."""
     report = REPORTS / (re.sub(r"\W+", "_", test.split("::")[1]).strip("_") + ".xml")
     if not report.exists():
         sys.stderr.write(f"{test}\n")

@@ -145,7 +145,7 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
 
 
 def _inputs(sensor: Any) -> str:
-    """What a sensor asks its world for, read off its module's source and that of its parts."""
+    """Inputs that a sensor reads from its world, found in the source of its module and parts."""
     module = Path(inspect.getfile(type(sensor)))
     parts = sorted(module.parent.glob("*.py")) if module.stem == module.parent.name else []
     source = "".join(path.read_text(encoding="utf-8") for path in (module, *parts))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib.util
 import inspect
 import re
@@ -79,6 +78,23 @@ def test_a_title_that_names_no_subject_is_found(prose: ModuleType, title: str) -
     assert (7, "title") in [(line, rule) for line, rule, _ in prose.faults(page)]
 
 
+PHRASES = """
+the drive goes on; it sets off; it closes up to a van; it need not fail; a short cut; the plain way
+a straight way; 1 s of processor time; a minute of the clock; a second driven; a quiet machine
+beside other work; a map of its own; it is at the wheel; a row a query; how it was had
+the output of yesterday; time stands still; it costs ×2; too small by as much; it is near to no one
+the hash stands in a file; a bar for geometry
+"""
+"""One for each refused pattern, in their order."""
+
+
+def test_every_refused_phrase_is_found(prose: ModuleType) -> None:
+    """Each by its pattern alone."""
+    phrases = re.split(r"[;\n] ?", PHRASES.strip())
+    found = [[rule.partition("(better: ")[2] for rule in prose.dialect(phrase)] for phrase in phrases]
+    assert found == [[f"{better})"] for better in prose.DIALECT.values()]
+
+
 def test_refused_phrases_are_found_in_tables(prose: ModuleType) -> None:
     page = "# Times\n\n| a | `plain way` |\n|---|---|\n| 1 | the plain way |\n"
     assert [fault[:2] for fault in prose.faults(page)] == [(5, "'plain way' (better: direct method)")]
@@ -112,21 +128,25 @@ def test_help_keeps_the_rules(prose: ModuleType) -> None:
 
 def test_public_docstrings_keep_the_rules(prose: ModuleType) -> None:
     """Those of public names, their fields and their public methods; an argument's line is an item."""
-    texts = list(_docstrings())
+    texts = [text for source in _public_sources() for _, text in prose.docstrings(source)]
     assert len(texts) > 400
-    items = [re.sub(r"(?m)^ +(?=\*{0,2}\w+: )", "* ", re.sub(r"(?m)^\w+:$", "", text)) for text in texts]
-    assert [fault for text in items for fault in prose.faults(text)] == []
+    assert [fault for text in texts for fault in prose.faults(text)] == []
 
 
-def _docstrings() -> Iterator[str]:
+def _public_sources() -> Iterator[str]:
     for package in (carlaloc_env, recorder):
         for value in (getattr(package, name) for name in package.__all__):
-            if not inspect.isclass(value) and not inspect.isfunction(value):
-                continue
-            tree = ast.parse(inspect.cleandoc("\n" + inspect.getsource(value)))
-            for node in ast.walk(tree):
-                if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-                    yield inspect.cleandoc(str(node.value.value))
+            if inspect.isclass(value) or inspect.isfunction(value):
+                yield inspect.cleandoc("\n" + inspect.getsource(value))
+
+
+def test_scripts_and_tutorials_are_checked(prose: ModuleType) -> None:
+    """Docstrings and the Markdown cells of tutorials, with the lines at which they begin."""
+    found = {(path.relative_to(prose.ROOT).as_posix(), line): text for path, line, text in prose.texts()}
+    assert found["docs/tutorials/dataset.py", 2].startswith("# A dataset\n\nA drive is recorded once")
+    assert found["examples/04_evaluate.py", 1].startswith("Score an estimate")
+    items = dict(prose.docstrings('def f(a):\n    """Go.\n\n    Args:\n        a: First.\n    """\n'))
+    assert items == {2: "Go.\n\n\n* a: First."}
 
 
 @pytest.mark.parametrize(
