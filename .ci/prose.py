@@ -15,6 +15,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ("examples", "benchmarks", "docs")
 """Folders whose docstrings and tutorials are checked besides the pages."""
+PACKAGES: tuple[str, ...] = ()
+"""Folders whose names in code are checked."""
 WORDS_MAX = 35
 NUMBERS_MAX = 6
 """Outside brackets; the numbers of towns do not count."""
@@ -28,6 +30,7 @@ SUBJECT = re.compile(
     r"(?:^|[;:] |, (?:and|but|so) )(?:what|who|all that)\b|\b(?:whoever|whatever|nobody)\b", re.IGNORECASE
 )
 SPEECH = re.compile(r"\b(?:tell|tells|told|telling|say|says|said|saying|speaks?)\b", re.IGNORECASE)
+SPEECH_NAME = re.compile(r"(?:.*_)?(?:tells?|told|telling|says?|said)(?:_.*)?")
 COUNT = r"(?:one|two|three|four|five|six|seven|eight|nine|ten|half|\d+)"
 COUNTED = re.compile(
     rf"^{COUNT} (?:is|are|was|were|has|have|had|do|does|fails?|uses?|exceeds?|takes?|needs?|shows?)\b"
@@ -132,6 +135,20 @@ def docstrings(source: str) -> Iterator[tuple[int, str]]:
                 yield node.lineno, re.sub(r"(?m)^ +(?=\*{0,2}\w+: )", "* ", text)
 
 
+def spoken_names(source: str) -> Iterator[tuple[int, str]]:
+    """Line and text of every name that a module gives and that is a verb of speech, such as `_told`."""
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name) | ast.arg(arg=name):
+                pass
+            case ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()):
+                pass
+            case _:
+                continue
+        if SPEECH_NAME.fullmatch(name):
+            yield node.lineno, name
+
+
 def texts() -> Iterator[tuple[Path, int, str]]:
     """File, first line and text of everything that is checked."""
     pages = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")]
@@ -150,6 +167,10 @@ def main() -> int:
     for path, first, whole in texts():
         for line, rule, text in faults(whole):
             sys.stdout.write(f"{path.relative_to(ROOT)}:{first + line - 1}: {rule}: {text}\n")
+            code = 1
+    for path in sorted(path for folder in PACKAGES for path in (ROOT / folder).rglob("*.py")):
+        for line, name in spoken_names(path.read_text(encoding="utf-8")):
+            sys.stdout.write(f"{path.relative_to(ROOT)}:{line}: verb of speech as a name: {name}\n")
             code = 1
     return code
 

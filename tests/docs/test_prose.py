@@ -149,6 +149,18 @@ def test_scripts_and_tutorials_are_checked(prose: ModuleType) -> None:
     assert items == {2: "Go.\n\n\n* a: First."}
 
 
+SPOKEN = """
+def _tell_all(told, retold=0):
+    self._said = [says for says in told]
+    stated = file.tell()
+"""
+
+
+def test_names_that_are_verbs_of_speech_are_found(prose: ModuleType) -> None:
+    """Where they are given: a call of `file.tell()` is no fault."""
+    assert sorted(prose.spoken_names(SPOKEN)) == [(2, "_tell_all"), (2, "told"), (3, "_said"), (3, "says")]
+
+
 @pytest.mark.parametrize(
     ("subject", "fault"),
     [
