@@ -1,8 +1,8 @@
-"""What the renderer's short cuts buy: `python benchmarks/acceleration.py [--repeat N] [NAME ...]`.
+"""Savings of the renderer's optimisations: `python benchmarks/acceleration.py [--repeat N] [NAME ...]`.
 
-One stereo instant of the paper's rig in Town03 among 60 actors (see stereo.py), with each short cut and the
-plain way in its place, in turn. Prints the shortest wall-clock and processor times and the share of the
-instant that the short cut saves; docs/performance.md has the table.
+One stereo frame of the paper's rig in Town03 among 60 actors (see stereo.py), with each optimisation and with
+the direct method, in turns. Prints the shortest wall-clock and CPU times and the share of the frame time that
+the optimisation saves; docs/performance.md has the table.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def one_list(_: SceneRenderer) -> AbstractContextManager[object]:
 
 
 def spheres_only(_: SceneRenderer) -> AbstractContextManager[object]:
-    """Lamps in the lists of all tiles that their spheres reach, whatever these show."""
+    """Lamps in the lists of all tiles that their spheres reach, without a test of the surfaces."""
     return patch.object(tiled_lights, "_keep_lit", lambda *_: None)
 
 
@@ -87,11 +87,11 @@ SHORT_CUTS: dict[str, tuple[Plain, tuple[str, ...]]] = {
     "tiled_lights": (one_list, ("RainyNight",)),
     "surface_light_culling": (spheres_only, ("RainyNight",)),
 }
-"""The plain way in place of each, and the weathers in which it is measured."""
+"""The direct method in place of each, and the weathers in which it is measured."""
 
 
 def measure(instant: Instant, name: str, weather: str, repeat: int) -> None:
-    """Time one short cut and print a line."""
+    """Time one optimisation and print a line."""
     plain, _ = SHORT_CUTS[name]
     wall: tuple[list[float], list[float]] = ([], [])
     cpu: tuple[list[float], list[float]] = ([], [])

@@ -1,4 +1,4 @@
-"""What rows of the table have in common: a row's fields, and the town, drive and rivals of all rows."""
+"""Common parts of the table's rows: their fields, and the town, drive and rivals of all rows."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Row:
     name: str
     """Short name, for ``--only``."""
     what: str
-    """What was measured."""
+    """Measured quantity."""
     value: float | None
-    """The figure that counts; None when it could not be measured."""
+    """The reported figure; None when it could not be measured."""
     unit: str
     """Its unit."""
     target: float | None = None
-    """What the figure shall reach; None when it is only reported."""
+    """Target of the figure; None when it is only reported."""
     at_least: bool = True
     """Whether more is better."""
     ours: Timing | None = None
@@ -97,12 +97,12 @@ class Bench:
 
     @cached_property
     def stage(self) -> SensorStage:
-        """What sensors of this project look at."""
+        """The world that sensors of this project measure."""
         return SensorStage(self.town, seed=SEED, weather=weather_by_name("ClearNoon"))
 
     @cached_property
     def naive(self) -> NaiveWorld:
-        """The same town in PyBullet; the ego's surroundings alone if this shall be quick."""
+        """The same town in PyBullet; the ego's surroundings alone for a quick run."""
         if not self.quick:
             return NaiveWorld(self.town.chunks)
         place = self.drive.timeline.ego_motion([self.drive.stamps_ns[0]]).position_m[0]
@@ -133,7 +133,7 @@ class Bench:
 
 
 def compared(name: str, what: str, times: dict[str, Timing], target: float, note: str) -> Row:
-    """A row that says how many times faster ours is than PyBullet's."""
+    """A row with the speed of ours relative to PyBullet's."""
     ours, naive = times["ours"], times["naive"]
     return Row(
         name=name,

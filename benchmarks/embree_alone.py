@@ -1,4 +1,4 @@
-"""What Embree alone needs for a LiDAR's rays: town and actors as one scene, held still, nothing else done."""
+"""Time of Embree alone for a LiDAR's rays: town and actors as one scene that does not move."""
 
 from __future__ import annotations
 

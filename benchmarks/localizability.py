@@ -1,12 +1,12 @@
-"""How well LiDAR scans hold the car along each town's route: `benchmarks/localizability.py [TOWN ...]`.
+"""Localizability by LiDAR scans along each town's route: `benchmarks/localizability.py [TOWN ...]`.
 
 Point-to-plane ICP minimises Σ (nᵢ · (R pᵢ + t − qᵢ))². Linearised at the true pose, point pᵢ with unit
-normal nᵢ has the Jacobian Jᵢ = [(pᵢ × nᵢ)ᵀ, nᵢᵀ] for a small rotation and a shift, so that a scan of N
-points has the information H = Σ JᵢᵀJᵢ / N per point, for errors of 1 m along the normals. Its eigenvalues
-tell where an odometry degenerates (Zhang, Kaess, Singh: On Degeneracy of Optimization-based State Estimation
-Problems, ICRA 2016; Tuna et al.: X-ICP, T-RO 2023). Rotation is unknown, too: what is left for the shift of
-the sensor is the Schur complement S = H_tt − H_tr H_rr⁻¹ H_rt, the inverse of its marginal covariance. The
-least eigenvalue of S lies between 0, where a shift goes unseen, and 1/3, a box about the sensor.
+normal nᵢ has the Jacobian Jᵢ = [(pᵢ × nᵢ)ᵀ, nᵢᵀ] for a small rotation and a shift. So a scan of N points has
+the information H = Σ JᵢᵀJᵢ / N per point, for errors of 1 m along the normals. Its eigenvalues
+show where an odometry degenerates (Zhang, Kaess, Singh: On Degeneracy of Optimization-based State Estimation
+Problems, ICRA 2016; Tuna et al.: X-ICP, T-RO 2023). Rotation is unknown, too: the information that
+remains about the shift of the sensor is the Schur complement S = H_tt − H_tr H_rr⁻¹ H_rt, the inverse of its
+marginal covariance. The least eigenvalue of S lies between 0 (a shift is not observable) and 1/3 (in a box).
 
 For each town, with the paper's LiDAR and without traffic: the median over the route, the worst 100 m, and the
 longest stretch below a tenth of Town03's median. `firm`: leaves and grass hold nothing. `--curve` draws it.
@@ -64,7 +64,7 @@ class Localizability:
 
 
 def localizability(points_m: Array, normals: Array) -> Localizability:
-    """Strength with which planes hold a shift, whatever the rotation.
+    """Strength with which planes constrain a shift, with the rotation unknown.
 
     Args:
         points_m: Points from the sensor, along any axes [m], shape (N, 3).
@@ -98,7 +98,7 @@ def longest_below(station_m: Array, values: Array, limit: float) -> tuple[float,
     Args:
         station_m: Evenly spaced stations, ascending [m], shape (K,).
         values: Value at each, shape (K,).
-        limit: What they are compared with.
+        limit: Limit of the values.
     """
     below: Mask = values < limit
     if not below.any():
@@ -144,7 +144,7 @@ def route_localizability(town: Town, lidar: LidarConfig, *, step_m: float = 5.0)
     """Scans of a standing car every few metres of the route, with the true normals of what they meet.
 
     Args:
-        town: The town; nobody else is on the road.
+        town: The town; the road is empty.
         lidar: The LiDAR with its mount; its range noise is left out.
         step_m: Distance of the scans [m].
 

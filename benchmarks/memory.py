@@ -17,7 +17,7 @@ def peak_memory_bytes(command: list[str]) -> tuple[int, float]:
     over the command and its descendants alive at the same time.
 
     Raises:
-        RuntimeError: the command failed; the message holds the end of what it said.
+        RuntimeError: the command failed; the message holds the end of its output.
     """
     began = time.perf_counter()
     with subprocess.Popen(
@@ -34,7 +34,7 @@ def peak_memory_bytes(command: list[str]) -> tuple[int, float]:
 
 
 def can_measure() -> bool:
-    """Whether this system tells the memory of processes."""
+    """Whether this system reports the memory of processes."""
     return sys.platform == "linux" and Path("/proc/self/smaps_rollup").exists()
 
 

@@ -1,4 +1,4 @@
-"""How well LiDAR scans hold the car among traffic: `python benchmarks/movers_hold.py DRIVE.mcap [...]`.
+"""Localizability by LiDAR scans among traffic: `python benchmarks/movers_hold.py DRIVE.mcap [...]`.
 
 Movers do two things to point-to-plane ICP, see `localizability`. They *hide* the things that stand still:
 their points hold nothing and still count among the N. And they *pull*: since the scan before, Δt ago, a
@@ -9,8 +9,8 @@ surface with unit normal n and velocity v has moved by n·v Δt, and the least-s
 so that a lorry abreast drags the estimate along by its share of the information along the road. A match that
 is farther off than a system's gate is no match; the gate here is 1 m at 20 sweeps a second.
 
-Prints for each drive: the hold (least eigenvalue, returns of leaves hold nothing) with nobody else on the
-road and with movers in the way, the movers' share of the points, and the pull along the road.
+Prints for each drive: localizability (least eigenvalue, returns from leaves constrain nothing) on an empty
+road and among movers, the movers' share of the points, and the pull along the road.
 """
 
 from __future__ import annotations
@@ -59,10 +59,10 @@ def pull_mps(points_m: Array, normals: Array, velocities_mps: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldAmongMovers:
-    """What one scan among traffic is worth."""
+    """Measures of one scan among traffic."""
 
     at_rest: float
-    """`Localizability.least` of firm returns if nobody else were on the road."""
+    """`Localizability.least` of firm returns on an empty road."""
     hidden: float
     """The same with movers in the way."""
     pull_mps: float
@@ -84,7 +84,7 @@ class DriveScans:
         self._stage = SensorStage(town, seed=0, weather=weather_by_name("ClearNoon"))
         self._rays: RayScene = self._stage.rays()
         self._timeline, self._lidar, self._mount = timeline, lidar, lidar.mount.T_base_sensor
-        # Every other ray tells as much.
+        # Every other ray is enough.
         self._directions = directions_past_the_car(self._stage, lidar)[::2]
 
     def close(self) -> None:

@@ -20,7 +20,7 @@ from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 RAYS_PER_CALL = 16_383
-"""`rayTestBatch` answers 16 384 rays and more with nothing at all, and says nothing."""
+"""`rayTestBatch` answers 16 384 rays and more with nothing at all, and without an error."""
 _PART_TRIANGLES = 50_000
 _NEAR_M, _FAR_M = 0.1, 500.0
 _EGO_HALF_M = (2.35, 0.925, 0.6)

@@ -1,8 +1,8 @@
-"""What of a dataset stands the same on a processor without wide vectors, and by how much the rest differs.
+"""Differences of a dataset made on a processor without wide vectors, by stream.
 
-A short drive is recorded and replayed twice by the commands that a user types, each time with caches of its
-own: once as this machine is, and once with numba, NumPy, OpenCV, OpenBLAS, the C library and llvmpipe
-held to 128-bit vectors without fused multiply-add. Embree chooses for itself.
+A short drive is recorded and replayed twice by the commands that a user types, with separate caches. One run
+uses all instructions of this machine. The other restricts numba, NumPy, OpenCV, OpenBLAS, the C library and
+llvmpipe to 128-bit vectors without fused multiply-add. Embree chooses for itself.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def narrow_environment() -> dict[str, str]:
 
 
 def make(folder: Path, environment: dict[str, str], weathers: str, length_s: float) -> None:
-    """Record and replay a drive in a folder, with its caches; what is there already is kept."""
+    """Record and replay a drive in a folder, with its caches; existing results are kept."""
     if (folder / "data" / "dataset.yaml").exists():
         return
     folder.mkdir(parents=True, exist_ok=True)
@@ -113,23 +113,23 @@ def differences(pairs: list[tuple[Path, Path]]) -> str:
     largest: dict[str, float] = defaultdict(float)
     differing: dict[str, int] = defaultdict(int)
     total: dict[str, int] = defaultdict(int)
-    said = set()
+    remarks = set()
     for pair in pairs:
         wide, narrow = (columns_of(path) for path in pair)
         if not wide:
-            said.add("other bytes")
+            remarks.add("other bytes")
         for name, values in wide.items():
             others = narrow[name]
             if values.shape != others.shape:
-                said.add(f"{name}: {len(values)} and {len(others)}")
+                remarks.add(f"{name}: {len(values)} and {len(others)}")
                 continue
             apart = np.abs(values.astype(np.float64) - others.astype(np.float64))
             apart = apart[np.isfinite(apart)]
             largest[name] = max(largest[name], float(apart.max(initial=0.0)))
             differing[name] += int(np.count_nonzero(apart))
             total[name] += values.size
-    told = [f"{n} {largest[n]:.3g} in {differing[n] / total[n]:.2g}" for n in largest if differing[n]]
-    return "; ".join([*told, *sorted(said)])
+    numbers = [f"{n} {largest[n]:.3g} in {differing[n] / total[n]:.2g}" for n in largest if differing[n]]
+    return "; ".join([*numbers, *sorted(remarks)])
 
 
 def columns_of(path: Path) -> Columns:

@@ -1,6 +1,6 @@
-"""CarlaLoc beside PyBullet used the usual way, in one run on one machine.
+"""CarlaLoc compared with PyBullet used the usual way, in one run on one machine.
 
-Prints medians, the least time and processor time of every row, and whether the target is reached.
+Prints median, shortest time and CPU time of every row, and whether the target is reached.
 Times depend on the machine and on what else it does; the ratios hold.
 """
 

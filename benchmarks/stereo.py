@@ -1,8 +1,8 @@
-"""One stereo instant of the paper's rig among many cars: `python benchmarks/stereo.py [TOWN ...]`.
+"""One stereo frame of the paper's rig among many cars: `python benchmarks/stereo.py [TOWN ...]`.
 
 Colour, depth and semantics of both cameras, under one weather and under three. Prints the shortest
-wall-clock and processor times; on an idle machine with two cores the wall clock shows a good half
-of the processor time.
+wall-clock and CPU times; on an idle machine with two cores the wall-clock time is a good half of the
+CPU time.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def ahead(town: Town, stage: SensorStage, T_world_base: np.ndarray) -> tuple[Ins
 
 
 class Instant:
-    """One stereo instant at a share of a town's route."""
+    """One stereo frame at a share of a town's route."""
 
     def __init__(self, name: str, *, share: float, quality: str) -> None:
         town = load_town(name)
@@ -73,7 +73,7 @@ class Instant:
 
 
 def measure(name: str, share: float, quality: str, repeat: int) -> None:
-    """Time the instants at a share of a town's route and print a line for each."""
+    """Time the stereo frames at a share of a town's route and print a line for each."""
     instant = Instant(name, share=share, quality=quality)
     sets = [*((one,) for one in WEATHERS), WEATHERS]
     calls = {" + ".join(weathers): partial(instant.draw, weathers) for weathers in sets}

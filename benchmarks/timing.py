@@ -1,4 +1,4 @@
-"""How long things take: every call is timed on the wall clock and in processor time."""
+"""Times of calls: wall-clock time and CPU time."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class Timing:
     """Times of one call, over several calls [s]."""
 
     median_s: float
-    """Median on the wall clock."""
+    """Median wall-clock time."""
     least_s: float
-    """Shortest on the wall clock: what an idle machine would need."""
+    """Shortest wall-clock time, as on an idle machine."""
     cpu_s: float
-    """Median processor time, all threads together."""
+    """Median CPU time, all threads together."""
     calls: int
     """Number of calls that were timed."""
 
@@ -40,7 +40,7 @@ def time_calls(calls: Mapping[str, Callable[[], object]], repeat: int, warm_up: 
     """Time several calls in turn, so that a busy spell of the machine meets all of them.
 
     Args:
-        calls: What to time, by name.
+        calls: Functions to time, by name.
         repeat: How often each is timed.
         warm_up: How often each is called before.
     """

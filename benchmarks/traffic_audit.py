@@ -29,12 +29,12 @@ LATE_S = 1.0
 BODY_RADIUS_M = 0.25
 """A walker is a disc of this radius [m]."""
 _HEIGHT_M = 3.0
-"""What is farther apart in height is on another level: a bridge, an underpass [m]."""
+"""Largest difference of height of boxes on one level [m]; more is a bridge or an underpass."""
 
 
 @dataclass(slots=True, kw_only=True)
 class TrafficReport:
-    """What a run of traffic looked like from outside."""
+    """Findings of a run of traffic, seen from outside."""
 
     vehicles: int
     """Number of vehicles."""
@@ -61,7 +61,7 @@ class TrafficReport:
     lane_changes: int
     """Lane changes that began."""
     step_ms: tuple[float, float]
-    """Processor time of one step: least and median [ms]."""
+    """CPU time of one step: least and median [ms]."""
     overlaps: list[tuple[float, int, int]] = field(default_factory=list)
     """Time [s] and the two vehicles of every overlap, once for each second."""
     red_runners: list[tuple[float, int]] = field(default_factory=list)

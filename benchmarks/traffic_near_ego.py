@@ -1,8 +1,8 @@
-"""How much of the traffic the ego meets on its route, and how it gets on: one row per town and seed.
+"""Traffic near the ego on its route, and the ego's progress: one row per town and seed.
 
 ``python -m benchmarks.traffic_near_ego Town03 Town05 Town10`` drives these routes among the paper's counts
-with the scripted driver, ten times each, and prints the mean number of actors that move within 50 m and
-within 25 m. Single drives differ by a factor of two: a queue at one light makes the whole difference.
+with the scripted driver, ten times each. It prints the mean number of moving actors within 50 m and within
+25 m. Single drives differ by a factor of two, because of queues at one light.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ _PAST_NS = 2_000_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NearTraffic:
-    """What a drive was like."""
+    """Figures of a drive."""
 
     duration_s: float
     """Length of the drive [s]."""
     length_m: float
-    """Way along the route [m]."""
+    """Distance along the route [m]."""
     moving_50: float
     """Mean number of actors within 50 m that move."""
     moving_25: float

@@ -1,7 +1,7 @@
-"""Speed of one replay over 1, 2 and 4 workers: wall clock and processor time, as a figure.
+"""Speed of one replay over 1, 2 and 4 workers: wall clock and CPU time, as a figure.
 
-The same stretch of a drive is replayed anew for each number of workers, cameras and LiDAR and all; the dotted
-line is what cores that share nothing would give.
+The same stretch of a drive is replayed anew for each number of workers, with cameras and LiDAR. The dotted
+line is the speed of cores that share nothing.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ START_S = 2.0
 
 def main(town: str, length_s: float, unit_s: float, out: Path) -> None:
     """Measure, print a table and draw the figure."""
-    print(f"{'workers':>8}{'wall clock':>14}{'processor time':>18}")
+    print(f"{'workers':>8}{'wall clock':>14}{'CPU time':>18}")
     times = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -41,7 +41,7 @@ def main(town: str, length_s: float, unit_s: float, out: Path) -> None:
 
 
 def _timed(drive: Path, out: Path, workers: int, length_s: float, unit_s: float) -> tuple[float, float]:
-    """Wall clock and processor time, workers' included, of a replay [s]."""
+    """Wall clock and CPU time, workers' included, of a replay [s]."""
     config = ReplayConfig(
         episode=drive,
         out=out,
@@ -53,13 +53,13 @@ def _timed(drive: Path, out: Path, workers: int, length_s: float, unit_s: float)
         workers=workers,
         preview=False,
     )
-    began, cpu_began = time.perf_counter(), _processor_s()
+    began, cpu_began = time.perf_counter(), _cpu_s()
     replay(config)
-    return time.perf_counter() - began, _processor_s() - cpu_began
+    return time.perf_counter() - began, _cpu_s() - cpu_began
 
 
-def _processor_s() -> float:
-    """Processor time of this process and of all of its that have ended [s]."""
+def _cpu_s() -> float:
+    """CPU time of this process and of all its children that have ended [s]."""
     own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return own.ru_utime + own.ru_stime + children.ru_utime + children.ru_stime
 

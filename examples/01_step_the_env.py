@@ -20,7 +20,7 @@ def main(steps: int = 200, rig: str | SensorRig = "minimal") -> float:
         print(f"{key:<12} {array.dtype!s:<8} {array.shape}")
     route = env.unwrapped.world.route  # type: ignore[attr-defined]
     for step in range(steps):
-        # Towards a point 8 m ahead on the route: truth is for the teacher, observations for the pupil.
+        # Towards a point 8 m ahead on the route, by the true pose; an agent would use the observation.
         ahead = route.at(info["route_s_m"] + 8.0).position_m[0]
         truth = info["truth"]
         towards = np.arctan2(*(ahead - truth.position_m)[1::-1])

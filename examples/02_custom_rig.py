@@ -17,7 +17,7 @@ REAR_PICTURE = Path("rear.png")
 
 
 def main(rig_file: Path = RIG_FILE, out: Path = REAR_PICTURE) -> SensorRig:
-    """Look once through the rig of a file and save what its camera saw."""
+    """Reset an environment with the rig of a file and save the camera's picture."""
     rig = with_columns(SensorRig.load(rig_file), 450)
     for frame, T_base_sensor in rig.frames.items():
         print(f"{frame:<12} at {T_base_sensor[:3, 3]} m in base_link")

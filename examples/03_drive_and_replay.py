@@ -11,7 +11,7 @@ from recorder import RecordConfig, ReplayConfig, record, replay
 
 
 class CruiseControl:
-    """A device that keeps to the lane and to walking pace; it sees what a driver sees."""
+    """A device that keeps to the lane and to walking pace, with the inputs of any driver."""
 
     name = "cruise"
 
@@ -27,7 +27,7 @@ class CruiseControl:
         )
 
     def close(self) -> None:
-        """Nothing to let go."""
+        """Nothing to release."""
 
 
 def main(out: Path = Path("out/cruise"), duration_s: float = 20.0, rig: str = "lidar") -> dict[str, int]:

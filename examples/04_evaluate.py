@@ -13,7 +13,7 @@ from recorder import Alignment, Episode, EvaluationResult, Metric, Trajectory, e
 
 
 def main(drive: Path, seed: int = 0) -> EvaluationResult:
-    """Compare the fixes of a recorded drive with where the antenna really was."""
+    """Compare the fixes of a recorded drive with the true positions of the antenna."""
     episode = Episode.load(drive)
     town, timeline = town_of(episode), episode.timeline()
     stage = SensorStage(town, seed=seed, weather=weather_by_name("ClearNoon"))

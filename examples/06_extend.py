@@ -1,4 +1,4 @@
-"""A sensor of one's own in a ROS bag: the sensor's file, one message function, one table line."""
+"""Your own sensor in a ROS bag: the sensor's file, one message function, one table line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Your own SLAM system in `carlaloc benchmark`: here one that counts on the first sweep's walls alone.
+"""Your own SLAM system in `carlaloc benchmark`: here one that matches all sweeps with the first one.
 
 carlaloc benchmark data --out scores --methods examples/07_own_slam_system.py,kiss_icp
 """
@@ -29,7 +29,7 @@ SYSTEM = System(
 
 
 def run(sequence: SlamSequence, clock: FrameClock) -> Iterator[StampedPose]:
-    """Poses of the LiDAR; good until the first sweep is out of sight."""
+    """Poses of the LiDAR; good as long as the surfaces of the first sweep are in view."""
     import small_gicp
 
     first = None

@@ -1,4 +1,4 @@
-"""Weather of your own: it turns from noon to fog within seconds, and a replay's pictures with it."""
+"""Your own weather schedule: in a replay, a clear noon turns to fog within seconds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def main(drive: Path, out: Path, seconds: float = 2.0, rig: str = "minimal") -> 
     (sequence,) = replay(config).sequences
     pictures = sorted((sequence / "mav0/cam0/data").glob("*.png"))
     grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (pictures[0], pictures[-1])]
-    # Of the upper half: below is the bonnet, which no fog hides.
+    # The upper half alone, since fog does not hide the bonnet below.
     halves = [picture[: len(picture) // 2].astype(float) for picture in grey if picture is not None]
     first, last = (float(np.abs(np.diff(half, axis=1)).mean()) for half in halves)
     print(f"{sequence.name}: {len(pictures)} pictures, detail {first:.1f} at noon, {last:.1f} in fog")

@@ -1,7 +1,7 @@
-"""Learn to drive Town01's route from the scripted driver, who first drives and then sits beside (DAgger).
+"""Learn to drive Town01's route from the scripted driver: copy its drives, then correct the copy (DAgger).
 
 A copy of recorded drives alone fails in states that the driver never met: too fast behind a queue, beside
-the lane. So the pupil takes the wheel, and the teacher supplies its own action at every step (Ross, Gordon,
+the lane. So the pupil drives, and the teacher supplies its own action at every step (Ross, Gordon,
 Bagnell: A Reduction of Imitation Learning ..., AISTATS 2011). Needs the extra `learn`.
 """
 
@@ -41,7 +41,7 @@ def main(
 
 
 def route_of(seed: int) -> str:
-    """The town's route, or every third time another one."""
+    """The town's route, or in every third drive another one."""
     return "random" if seed % 3 == 2 else "town"
 
 

@@ -1,7 +1,8 @@
 """Clone the scripted driver from a Minari data set of recorded drives, and let the clone drive.
 
 Recorded drives become observations, actions and rewards, for any library that reads Minari. A clone of
-drives alone is a beginning (example 11 has the reason, and goes on). Needs the extras `learn` and `minari`.
+recorded drives alone is a beginning; example 11 explains why, and improves it.
+Needs the extras `learn` and `minari`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Many machines: Ray RLlib's env runners drive, its PPO learns. Needs the extra `ray`.
+"""Learning on many machines: Ray RLlib's env runners drive, its PPO learns. Needs the extra `ray`.
 
-Two runners on this machine here; on a cluster, `ray.init(address="auto")` and more of them are all that
-changes. Every machine keeps towns, models and machine code in its own cache, `CARLALOC_CACHE`.
+Here two runners run on this machine; on a cluster, call `ray.init(address="auto")` and use more runners.
+Every machine keeps towns, models and machine code in its own cache, `CARLALOC_CACHE`.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ def main(runners: int = 2, iterations: int = 50, actions: int = 2000) -> tuple[s
     )
     ppo, returns = config.build_algo(), []
     for number in range(iterations):
-        told = ppo.train()["env_runners"]
-        returns.append(float(told.get("episode_return_mean", float("nan"))))
-        print(f"{number}: {told['num_env_steps_sampled_lifetime']:.0f} actions, return {returns[-1]:.0f}")
+        result = ppo.train()["env_runners"]
+        returns.append(float(result.get("episode_return_mean", float("nan"))))
+        print(f"{number}: {result['num_env_steps_sampled_lifetime']:.0f} actions, return {returns[-1]:.0f}")
     group = ppo.env_runner_group
     drove = set(group.foreach_env_runner(lambda runner: os.getpid(), local_env_runner=False))
     ppo.stop()

@@ -1,4 +1,4 @@
-"""Learn to drive from nothing: PPO of Stable-Baselines3 on the task's own reward.
+"""Learn to drive from scratch: PPO of Stable-Baselines3 on the task's own reward.
 
 `python examples/19_learn_from_nothing.py out` learns Town01's route and scores it over unseen seeds. In every
 town: `--towns Town01 Town03 Town04 Town06 Town10 --route random --begin-with out/agent.pt`.

@@ -1,4 +1,4 @@
-"""Drive an agent of example 19 in towns that it never saw, beside the scripted driver.
+"""Score an agent of example 19 in towns that it never saw, and the scripted driver on the same routes.
 
 `python examples/20_drive_unseen_towns.py out/agent.pt Town05 Town07`: the same random routes and traffic.
 """

@@ -1,4 +1,4 @@
-"""The dataset factory: what a second of driving under one condition takes, beside naive PyBullet."""
+"""The dataset factory: time per condition-second, compared with naive PyBullet."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def dataset(name: str, topics: str, what: str, target_s: float) -> Callable[[Ben
             target=target_s,
             at_least=False,
             ours=ours,
-            note=f"processor time over {CORES}; what a further stretch takes, so that opening does not count",
+            note=f"CPU time over {CORES}; what a further stretch takes, so that opening does not count",
         )
 
     return row
 
 
 def dataset_beside(bench: Bench) -> Row:
-    """A condition-second without events beside stereo pair and LiDAR in PyBullet, processor time of both."""
+    """A condition-second without events compared with stereo pair and LiDAR in PyBullet, CPU time of both."""
     ours = _condition_second(bench, "standard")
     naive = time_calls({"naive": _naive_instant(bench)}, 1 if bench.quick else bench.repeat, warm_up=0)[
         "naive"
@@ -71,7 +71,7 @@ def dataset_beside(bench: Bench) -> Row:
 
 
 def _condition_second(bench: Bench, topics: str) -> Timing:
-    """What a condition-second takes in this process: a longer replay less a shorter one."""
+    """Time of a condition-second in this process: a longer replay less a shorter one."""
     short_s, long_s = (0.05, 0.15) if bench.quick else (0.25, 0.6)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -87,7 +87,7 @@ def _condition_second(bench: Bench, topics: str) -> Timing:
 
 
 def _replay(drive: Path, out: Path, topics: str, length_s: float) -> tuple[float, float]:
-    """Wall clock and processor time of a replay [s]."""
+    """Wall clock and CPU time of a replay [s]."""
     config = ReplayConfig(
         episode=drive,
         out=out,

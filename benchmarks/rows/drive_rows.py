@@ -1,4 +1,4 @@
-"""What a person who drives feels: pictures in the window, and what recording takes."""
+"""Interactive driving: pictures per second in the window, and the cost of recording."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _log(bench: Bench, path: Path) -> TimedLog:
 
 
 class TimedLog(EpisodeListener):
-    """A log that counts the processor time which it takes."""
+    """A log that measures its CPU time."""
 
     spent_s = 0.0
 
@@ -113,7 +113,7 @@ class TimedLog(EpisodeListener):
 
 
 def recording(bench: Bench) -> Row:
-    """Processor time that recording takes out of a second of driving among 300 others."""
+    """CPU time of recording per simulated second, among 300 others."""
     steps = 20 if bench.quick else 400
     traffic = TrafficConfig(vehicles=VEHICLES, walkers=WALKERS, seed=SEED)
     world, driver = DrivingWorld(bench.town, traffic), open_device("scripted", SEED)

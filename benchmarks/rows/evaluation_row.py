@@ -37,7 +37,7 @@ def evaluation(bench: Bench) -> Row:
         read = read_tum(truth), read_tum(estimate)
         metric = time_calls({"m": lambda: evaluate(*read, metrics=(Metric.APE_TRANSLATION,))}, 3)["m"]
         theirs = _evo(truth, estimate)
-    note = f"the metric alone, poses in memory: {metric.median_s:.2f} s, {metric.cpu_s:.2f} s of processor"
+    note = f"the metric alone, poses in memory: {metric.median_s:.2f} s, {metric.cpu_s:.2f} s of CPU time"
     if theirs is None:
         return Row(name="evaluation", what=what, value=None, unit="×", target=TARGET, note="evo is missing")
     difference_m = abs(theirs[1] - once_rmse(read))
@@ -48,7 +48,7 @@ def evaluation(bench: Bench) -> Row:
         unit="× less CPU",
         target=TARGET,
         ours=ours,
-        note=f"{note}; evo {theirs[0]:.1f} s of processor; RMSE differ by {difference_m:.1e} m",
+        note=f"{note}; evo {theirs[0]:.1f} s of CPU time; RMSE differ by {difference_m:.1e} m",
         detail={"evo_cpu_s": theirs[0], "metric_s": metric.median_s},
     )
 
@@ -70,7 +70,7 @@ def _pair(count: int) -> tuple[Trajectory, Trajectory]:
 
 
 def _evo(truth: Path, estimate: Path) -> tuple[float, float] | None:
-    """Processor time [s] and RMSE [m] of evo; None where it is not installed."""
+    """CPU time [s] and RMSE [m] of evo; None where it is not installed."""
     try:
         from evo.core import metrics, sync
         from evo.tools import file_interface

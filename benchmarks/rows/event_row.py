@@ -1,4 +1,4 @@
-"""The event camera: all that it adds to two pictures of a camera in town, at the speed of a main road."""
+"""The event camera: its cost beyond two pictures of a camera in town, at the speed of a main road."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def events(bench: Bench) -> Row:
         target=TARGET_MS,
         at_least=False,
         ours=ours,
-        note=f"{1e-6 * once():.2f} million events; {1e3 * ours.cpu_s:.0f} ms of processor time",
+        note=f"{1e-6 * once():.2f} million events; {1e3 * ours.cpu_s:.0f} ms of CPU time",
         detail={"cpu_ms": 1e3 * ours.cpu_s},
     )
 
@@ -75,7 +75,7 @@ def events(bench: Bench) -> Row:
 def _picture(
     bench: Bench, sensor: CameraSensor, timeline: Timeline, stamp_ns: int
 ) -> tuple[FrameGeometry, F32]:
-    """What the camera sees at a stamp [ns], and its light [cd/m²]."""
+    """Picture of the camera at a stamp [ns], and its light [cd/m²]."""
     geometry, shot = sensor.glance(timeline, stamp_ns)
     return geometry, shot.radiance_cd_m2(bench.stage.weather.at(stamp_ns))
 

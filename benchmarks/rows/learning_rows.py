@@ -1,4 +1,4 @@
-"""What an agent that learns feels: steps a second of the environments in which it does."""
+"""Learning agents: steps per second of the environments."""
 
 from __future__ import annotations
 
@@ -108,14 +108,14 @@ def learn_vector(bench: Bench) -> Row:
 
 
 def learn_memory(bench: Bench) -> Row:
-    """Memory that a worker alone holds: what it does not share with the other one."""
+    """Private memory of a worker, without the part that it shares with the other one."""
     row = partial(Row, name="learn_memory", what="memory of a worker beyond what is shared", unit="MB")
     if not can_measure():
         return row(value=None, note="needs Linux's /proc")
     with _workers(2) as envs:
-        told = [Path(f"/proc/{worker.pid}/smaps_rollup").read_text() for worker in envs.processes]
+        maps = [Path(f"/proc/{worker.pid}/smaps_rollup").read_text() for worker in envs.processes]
     own, all_of_it = (
-        max(sum(int(found) for found in re.findall(pattern, text)) for text in told) * 1024e-6
+        max(sum(int(found) for found in re.findall(pattern, text)) for text in maps) * 1024e-6
         for pattern in (r"Private_\w+: +(\d+)", r"Pss: +(\d+)")
     )
     return row(

@@ -1,4 +1,4 @@
-"""From the command to the drive: when the window stands, and when it can be driven in."""
+"""Times from the command to the open window and to the start of the drive."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PATIENCE_S = 300.0
 
 
 def opening(bench: Bench) -> Row:
-    """`carlaloc record --device keyboard` with the town in the cache, on a display of its own."""
+    """`carlaloc record --device keyboard` with the town in the cache, on a virtual display."""
     what = f"driver's window of {TOWN} from the cache: command to drive"
     missing = [tool for tool in ("Xvfb", "xwininfo") if shutil.which(tool) is None]
     if missing:
@@ -52,14 +52,14 @@ def _display() -> Iterator[str]:
     command = ["Xvfb", "-displayfd", str(sender), "-screen", "0", "1600x1000x24", "-noreset"]
     with subprocess.Popen(command, pass_fds=[sender], stderr=subprocess.DEVNULL) as server:
         os.close(sender)
-        with os.fdopen(receiver) as told:
-            yield f":{told.readline().strip()}"
+        with os.fdopen(receiver) as output:
+            yield f":{output.readline().strip()}"
         server.terminate()
 
 
 def _open(display: str) -> tuple[float, float]:
     """Times from the command to the window and to the drive [s]."""
-    # Written when the drive begins, to tell the time left the next time.
+    # Written when the drive begins, to estimate the time left in the next run.
     times = default_cache_dir() / "opening_times.json"
     times.unlink(missing_ok=True)
     environment = {**os.environ, "DISPLAY": display}

@@ -1,4 +1,4 @@
-"""Sensors: LiDAR and camera beside PyBullet's own, LiDAR beside bare Embree."""
+"""Sensors: LiDAR and camera compared with PyBullet's, LiDAR compared with Embree alone."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def lidar_rate(bench: Bench) -> Row:
     assert isinstance(config, LidarConfig)
     sweeps = {stamp: _rays(config, timeline, stamp) for stamp in drive.stamps_ns}
     cast = embree_alone(bench.town.chunks, bench.stage.library, timeline, drive.stamps_ns[0])
-    # Sweep after sweep, as in a drive: nothing that was found out for one serves the next.
+    # Successive sweeps, as in a drive, so that no result of a sweep is reused.
     ours_next, alone_next = (itertools.cycle(drive.stamps_ns) for _ in range(2))
     times = time_calls(
         {

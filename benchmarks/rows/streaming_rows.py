@@ -1,4 +1,4 @@
-"""What making frames for systems takes, which read a drive in place of a dataset."""
+"""Time to make frames for systems that read a drive in place of a dataset."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def stream_lidar(bench: Bench) -> Row:
         unit="× real time a core",
         target=2.0,
         ours=ours,
-        note="by processor time; rays are cast once",
+        note="by CPU time; rays are cast once",
     )
 
 

@@ -1,4 +1,4 @@
-"""The rows of the table: what `run.py` measures."""
+"""The rows of the table that `run.py` measures."""
 
 from __future__ import annotations
 

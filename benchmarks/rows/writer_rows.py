@@ -78,7 +78,7 @@ def bag_rate(name: str, make: Callable[[Path], Writer]) -> Callable[[Bench], Row
             name=name,
             what=f"{name}: a stereo pair and a cloud, {size / 1e6:.1f} MB, into memory",
             value=size / 1e6 / times.cpu_s,
-            unit="MB/s of processor time",
+            unit="MB/s of CPU time",
             target=300.0,
             ours=times,
         )

@@ -1,13 +1,12 @@
-"""Do moving objects and weather hurt here what they hurt in the CARLA-Loc paper? Writes the findings.
+"""Compare effects of movers and weather with those in the CARLA-Loc paper, and write the findings.
 
 python docs/findings/findings.py --work DIR         drives, runs what is not done yet, then writes
 python docs/findings/findings.py SCORES [SCORES …]  only writes, from folders that `carlaloc benchmark` wrote
 
-A finding is the ratio of two conditions' errors, medians over runs, in every pair of a town; the paper's
-systems by its Tables II and IV (APE [m], one run each) and those of a benchmark. Nothing is claimed that less
-than two thirds of the pairs show, that rests on less than the spread of runs, or whose spread is known in
-less than two thirds of the pairs. Every step that is done is left alone by the next start, so that it may be
-ended at any time.
+A finding is the ratio of two conditions' errors, medians over runs, in every pair of a town. The paper's
+systems have the errors of its Tables II and IV (APE [m], one run each), ours those of a benchmark. We claim a
+direction if two thirds of the pairs or more show it, beyond the spread of runs, and two thirds have a known
+spread. Finished steps are not repeated by the next start, so that it may be ended at any time.
 """
 
 from __future__ import annotations
@@ -41,10 +40,10 @@ from recorder.slam.systems import SYSTEMS
 
 HERE = Path(__file__).resolve().parent
 PAGE, FIGURES, PICTURE = "findings.md", "findings/figures.md", "pictures/findings.png"
-"""What is written, below the folder of docs: answers, all figures, and ratios of each town."""
+"""Written files, below the folder of docs: answers, all figures, and ratios of each town."""
 LIDAR_METHODS = "kiss_icp,small_gicp,genz_icp,rko_lio"
 CAMERA_METHODS = "stereo_vo"
-"""ORB-SLAM3 wants a Python and a vocabulary of its own: name them with --camera-methods."""
+"""ORB-SLAM3 needs a separate Python and a vocabulary: name it in --camera-methods."""
 BEGIN, END = "<!-- figures: made by docs/findings/findings.py -->", "<!-- end of figures -->"
 """`write_findings` writes the part of the page between these lines, people the rest."""
 _PATH = r"(?:/[\w.+-]+)+/([\w.+-]+)"
@@ -89,7 +88,7 @@ def paper_runs() -> pd.DataFrame:
 
 
 def verdict(ratio: Any) -> str:
-    """What a row of `ratios` shows, in words."""
+    """Result of a row of `ratios`, in words."""
     said, why = direction(ratio), doubt(ratio)
     if not why or said == NONE or ratio.pairs < PAIRS_MIN:
         return why if ratio.pairs < PAIRS_MIN else said
@@ -119,7 +118,7 @@ def _compared(runs: pd.DataFrame, source: str) -> pd.DataFrame:
             "median": times(ratio["median"]),
             "range": times(ratio["low"]) + "–" + times(ratio["high"]),
             "larger": counted(ratio["larger"], ratio["pairs"]),
-            "what it says": [verdict(row) for row in ratio.itertuples()],
+            "result": [verdict(row) for row in ratio.itertuples()],
         }
     )
 
@@ -143,7 +142,7 @@ def findings_text(runs: pd.DataFrame) -> str:
             table = error_table(ours, by_weather=visual)
             parts += [f"### APE of {name} systems [m], RMSE", "", markdown_table(table), ""]
             parts += ["The paper's:", "", markdown_table(error_table(theirs, by_weather=visual)), ""]
-    for title, table in (("What the runs cost", cost_table(runs)), ("Why runs failed", failure_table(runs))):
+    for title, table in (("Cost of the runs", cost_table(runs)), ("Failed runs", failure_table(runs))):
         if len(table):
             parts += [f"### {title}", "", markdown_table(table), ""]
     return "\n".join(parts)

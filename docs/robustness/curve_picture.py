@@ -14,7 +14,7 @@ LABELS = {
     "traffic": "multiple of the recorded traffic",
     "fault.lidar.time_offset_ms": "time offset of the LiDAR [ms]",
 }
-"""What stands below the axes."""
+"""Labels of the axes."""
 
 
 def draw_curves(towns: dict[str, pd.DataFrame], out: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a repeatable drive answers: curves, breaking points, honest covariances, driving. Writes a page.
+"""Write the page of curves, breaking points, consistency of covariances and closed-loop driving.
 
 python docs/robustness/robustness.py EPISODES WORK   runs what is not done yet, keeps its tables, then writes
 python docs/robustness/robustness.py                 only writes, from the tables beside this file

@@ -1,4 +1,4 @@
-"""Write the tables of docs/environments.md out of the code: `python docs/scripts/make_environments.py`."""
+"""Write the tables of docs/environments.md from the code: `python docs/scripts/make_environments.py`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def main() -> None:
 
 
 def page() -> str:
-    """The page with what the code says between its marks."""
+    """The page with tables made from the code between its marks."""
     text = PAGE.read_text(encoding="utf-8")
     for part, lines in zip(PARTS, (state_lines(), bird_lines(), task_lines()), strict=True):
         begin, end = f"<!-- {part} -->\n", f"<!-- end of {part} -->"
@@ -51,8 +51,8 @@ def state_lines() -> list[str]:
 
 
 def bird_lines() -> list[str]:
-    """What the channels of the bird's-eye view hold."""
-    told = {
+    """Content of the channels of the bird's-eye view."""
+    meanings = {
         "road": "255 on driving lanes",
         "lanes": "255 on their sides",
         "route": "255 on the route ahead, 2 m wide",
@@ -60,7 +60,7 @@ def bird_lines() -> list[str]:
         "lights": "stop lines of the route: " + ", ".join(f"{v} {s.name.lower()}" for s, v in LIGHTS.items()),
     }
     head = f"{SIZE_PX}×{SIZE_PX} pixels of {PX_M:g} m, the car's heading upwards, {AHEAD_M:g} m ahead:"
-    return [head, "", *(f"* {number} `{name}`: {told[name]}" for number, name in enumerate(CHANNELS))]
+    return [head, "", *(f"* {number} `{name}`: {meanings[name]}" for number, name in enumerate(CHANNELS))]
 
 
 def task_lines() -> list[str]:

@@ -83,7 +83,7 @@ def street_in_weathers(name: str, quality: str) -> list[NDArray[np.uint8]]:
 
 
 def _busy_street(stage: SensorStage, town: Town, T_world_camera: NDArray[np.float64]) -> GBuffer:
-    """What the camera of a car sees among standing traffic."""
+    """Picture of a car's camera among standing traffic."""
     catalog, frame = standing_traffic(town.network, VEHICLES)
     far = np.flatnonzero(np.hypot(*(frame.position_m[:, :2] - T_world_camera[:2, 3]).T) > CLEAR_M)
     green = np.full(int(town.outline.lenses.signal.max(initial=-1)) + 1, 3, np.uint8)

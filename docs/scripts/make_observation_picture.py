@@ -1,4 +1,4 @@
-"""Draw docs/pictures/observations.jpg: what an agent sees, beside the view from its seat.
+"""Draw docs/pictures/observations.jpg: an agent's observations, and the view from the seat.
 
 `python docs/scripts/make_observation_picture.py`
 """
@@ -54,11 +54,13 @@ def main() -> None:
 
 def _follow(state: NDArray[np.float32]) -> NDArray[np.float32]:
     """Steer towards the route and keep off what is ahead."""
-    told = dict(zip(state_names(), state.tolist(), strict=True))
-    room_m = min(100.0 * told["gap"], 100.0 * told["light_distance"] if told["light_red"] else 100.0)
+    observed = dict(zip(state_names(), state.tolist(), strict=True))
+    room_m = min(
+        100.0 * observed["gap"], 100.0 * observed["light_distance"] if observed["light_red"] else 100.0
+    )
     wanted_mps = min(8.0, max(0.5 * (room_m - 5.0), 0.0))
-    pedal = np.clip(0.3 * (wanted_mps - 40.0 * told["speed"]), -0.6, 0.5)
-    return np.array([np.clip(1.6 * told["route_left_2"], -1.0, 1.0), pedal], np.float32)
+    pedal = np.clip(0.3 * (wanted_mps - 40.0 * observed["speed"]), -0.6, 0.5)
+    return np.array([np.clip(1.6 * observed["route_left_2"], -1.0, 1.0), pedal], np.float32)
 
 
 def from_above(bev: NDArray[np.uint8], size_px: int) -> NDArray[np.uint8]:
@@ -76,12 +78,12 @@ def from_above(bev: NDArray[np.uint8], size_px: int) -> NDArray[np.uint8]:
 def numbers(state: NDArray[np.float32], height_px: int) -> NDArray[np.uint8]:
     """Some entries of the state vector as bars from −1 to 1."""
     panel = np.full((height_px, 430, 3), 250, np.uint8)
-    told = dict(zip(state_names(), state.tolist(), strict=True))
+    observed = dict(zip(state_names(), state.tolist(), strict=True))
     step = height_px // len(SHOWN)
     for number, name in enumerate(SHOWN):
         y = number * step + step // 2
         _write(panel, name, (10, y + 5))
-        middle, end = 340, 340 + round(80 * told[name])
+        middle, end = 340, 340 + round(80 * observed[name])
         cv2.rectangle(panel, (middle - 80, y - 7), (middle + 80, y + 7), (225, 225, 225), -1)
         cv2.rectangle(panel, (min(middle, end), y - 7), (max(middle, end), y + 7), (40, 90, 190), -1)
         cv2.line(panel, (middle, y - 9), (middle, y + 9), (120, 120, 120), 1)

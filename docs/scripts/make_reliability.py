@@ -1,7 +1,7 @@
-"""Write docs/robustness/reliability.md out of the long tests: `python docs/scripts/make_reliability.py`.
+"""Write docs/robustness/reliability.md from the long tests: `python docs/scripts/make_reliability.py`.
 
-It takes some hours on two cores. Reports of tests that passed stay in `out/reliability`; a run that was
-ended goes on behind them, and a run after changes begins with that folder removed.
+It takes some hours on two cores. Reports of tests that passed stay in `out/reliability`; an interrupted run
+resumes after them; before a run after changes, remove that folder.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TOLD = (
     ("tests/drive", "test_killed_at_fifty_random_moments"),
     ("tests/envs", "a_row or resets"),
 )
-"""Folders and names of the long tests that are told."""
+"""Folders and names of the reported long tests."""
 
 
 def main() -> None:
@@ -53,7 +53,7 @@ def _tests(folder: str, names: str) -> list[str]:
 
 
 def _report(test: str) -> Path:
-    """What a test reported, now or in a run before."""
+    """Report of a test, from this run or an earlier one."""
     report = REPORTS / (re.sub(r"\W+", "_", test.split("::")[1]).strip("_") + ".xml")
     if not report.exists():
         sys.stderr.write(f"{test}\n")
@@ -67,16 +67,16 @@ def _report(test: str) -> Path:
 
 def _rows(report: Path, folder: str) -> Iterator[str]:
     for case in ElementTree.parse(report).iter("testcase"):
-        told = {item.get("name"): item.get("value") for item in case.iter("property")}
-        if "inputs" not in told:
+        properties = {item.get("name"): item.get("value") for item in case.iter("property")}
+        if "inputs" not in properties:
             continue
         cells = [
-            told.get("what", case.get("name", "")),
-            f"{int(told['inputs'] or 0):,}".replace(",", " "),
-            told.get("refused", "–"),
-            told.get("slowest", "–"),
-            told.get("growth", "–"),
-            told.get("lost", "nothing"),
+            properties.get("what", case.get("name", "")),
+            f"{int(properties['inputs'] or 0):,}".replace(",", " "),
+            properties.get("refused", "–"),
+            properties.get("slowest", "–"),
+            properties.get("growth", "–"),
+            properties.get("lost", "nothing"),
             f"`{folder}`",
         ]
         yield "| " + " | ".join(str(cell) for cell in cells) + " |"

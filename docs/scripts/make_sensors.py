@@ -1,4 +1,4 @@
-"""Write docs/sensors.md out of docstrings of sensors and samples: `python docs/scripts/make_sensors.py`."""
+"""Write docs/sensors.md from the docstrings of sensors and samples: `python docs/scripts/make_sensors.py`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PAGE = Path(__file__).parents[1] / "sensors.md"
 HEAD = """\
 # Sensors
 
-`docs/scripts/make_sensors.py` writes this page out of the docstrings; change those, not this page.
+`docs/scripts/make_sensors.py` writes this page from the docstrings; change those, not this page.
 
 A rig is a list of the configurations below, in Python (`carlaloc_env.rigs.rig.SensorRig`) or in YAML
 ([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
@@ -41,7 +41,7 @@ YAML, `preset: name` takes the values of a variant; the file's own values overri
 |---|---|
 """
 REAL = """
-The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, take `real`. Its
+The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, use `real`. Its
 [cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288,
 exposure control, motion blur and a wide-angle lens. At rest by day, 22 % of a picture's values repeat in
 the next picture; with the ideal camera, 72 % do.
@@ -74,11 +74,11 @@ def _limits() -> str:
     return "\n".join(
         [
             "## Limits\n",
-            "Limits are checked when a rig is read, before any memory is taken. Of lists the length counts;",
-            f"`rays` are beams times columns. A rig has at most {SENSORS_MAX} sensors. A replay or",
-            "environment does not begin where its sensors would need more memory than is free: about",
-            f"{PIXEL_BYTES['medium']} bytes a pixel ({PIXEL_BYTES['high']} in quality `high`), "
-            f"{EVENT_PIXEL_BYTES} more with events, {RAY_BYTES} a ray.\n",
+            "Limits are checked when a rig is read, before memory is allocated. For lists, the limit is for",
+            f"their length; `rays` are beams times columns. A rig has at most {SENSORS_MAX} sensors.",
+            "A replay or environment does not begin if its sensors need more memory than is free: about",
+            f"{PIXEL_BYTES['medium']} bytes per pixel ({PIXEL_BYTES['high']} in quality `high`), "
+            f"{EVENT_PIXEL_BYTES} more with events, {RAY_BYTES} per ray.\n",
             "| sensor | parameter | smallest | largest |",
             "|---|---|---|---|",
             *lines,
@@ -145,7 +145,7 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
 
 
 def _inputs(sensor: Any) -> str:
-    """What a sensor asks its world for, read off its module's source and that of its parts."""
+    """Inputs that a sensor reads from its world, found in the source of its module and parts."""
     module = Path(inspect.getfile(type(sensor)))
     parts = sorted(module.parent.glob("*.py")) if module.stem == module.parent.name else []
     source = "".join(path.read_text(encoding="utf-8") for path in (module, *parts))

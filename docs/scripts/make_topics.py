@@ -1,4 +1,4 @@
-"""Write docs/topics.md out of the topic profiles: `python docs/scripts/make_topics.py`."""
+"""Write docs/topics.md from the topic profiles: `python docs/scripts/make_topics.py`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PAGE = Path(__file__).parents[1] / "topics.md"
 HEAD = """\
 # Topics of ROS bags
 
-`docs/scripts/make_topics.py` writes this page out of `recorder/writers/topics.py`; change that, not this
+`docs/scripts/make_topics.py` writes this page from `recorder/writers/topics.py`; change that file, not this
 page.
 
 `carlaloc replay … --topics PROFILE` chooses one of the profiles below, shown for the rig `paper`.

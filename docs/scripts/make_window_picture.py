@@ -31,7 +31,7 @@ def main(out: Path = PICTURE) -> Path:
         folder = Path(name)
 
         def keep(driven_s: float, _: float) -> None:
-            # Saving takes time, which the window shows.
+            # Saving takes time, and the window shows the delay.
             path = folder / f"{int(driven_s):04d}.png"
             if not path.exists():
                 opening.window.save(path)

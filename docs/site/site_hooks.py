@@ -1,4 +1,4 @@
-"""What MkDocs needs beside docs/: pages of the root, links to code, the reference, tutorials that run."""
+"""Hooks of MkDocs: pages of the root, links to code, the reference, tutorials that run."""
 
 from __future__ import annotations
 

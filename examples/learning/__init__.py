@@ -1,1 +1,1 @@
-"""Parts of the examples of learning: a route, a pupil, its inputs, and its score."""
+"""Parts of the learning examples: a route, a pupil, its inputs, and its score."""

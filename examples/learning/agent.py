@@ -17,15 +17,15 @@ from learning.eyes import Eyes
 from learning.others import OwnAndOthers
 
 CHOSEN = {"n_steps": 256, "gamma": 0.97, "gae_lambda": 0.9, "learning_rate": LinearSchedule(1e-3, 1e-4, 0.9)}
-"""Parameters of PPO; all others are the library's defaults. An action answers for about the next 7 s."""
+"""Parameters of PPO; all others are the library's defaults. An action is credited with about the next 7 s."""
 LOOKING = {**CHOSEN, "n_epochs": 5, "learning_rate": LinearSchedule(5e-4, 5e-5, 0.9)}
 """The same for an agent that sees pictures."""
 POLICY = {"log_std_init": -1.2, "net_arch": {"pi": [], "vf": [64, 64]}}
-"""Actions are a linear function of the inputs, and spread by e to the power -1.2 at first, not by 1."""
+"""Actions are a linear function of the inputs; their initial standard deviation is e to the power -1.2."""
 
 
 def new_agent(env: VecEnv, seed: int = 0, **parameters: Any) -> PPO:
-    """An agent that knows nothing; with a plain vector as observation, the library's defaults."""
+    """An untrained agent; with a plain vector as observation, the library's defaults."""
     if not isinstance(env.observation_space, Dict):
         return PPO("MlpPolicy", env, seed=seed, device="cpu", **parameters)
     seen = VecNormalize(env, norm_obs_keys=["own"], norm_reward=False, clip_obs=5.0, epsilon=0.01)

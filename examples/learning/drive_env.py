@@ -20,7 +20,7 @@ SKIP = 4
 REWARD = 0.05
 """Factor on rewards, so that the values of states are of order 1."""
 MILD = {"collision": 30.0, "off_road": 30.0, "red_light": 30.0}
-"""Costs in training: milder, or standing pays most; equal, or it leaves the road before a red light."""
+"""Costs in training: milder, or standing pays most; equal, or one violation is used to avoid another."""
 
 
 def drive_env(
@@ -34,7 +34,7 @@ def drive_env(
         route: `town` or `random`.
         sees: `state`, the vector; `bev`, the picture from above; `nothing`, that picture in black.
         ackermann: Actions of this kind, in place of wheel and pedals.
-        apart: Observe the car and its road as `own`, and the others apart from it as `others`.
+        apart: Observe the car and its road as `own`, and the others separately as `others`.
         bare: A wrapper of the environment as it is before its observations are cut.
         settings: Further arguments of `CarlaLocEnv`.
     """

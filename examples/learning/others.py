@@ -14,9 +14,9 @@ from carlaloc_env.envs.task.state_vector import NEIGHBOUR, NEIGHBOURS
 
 
 class OwnAndOthers(BaseFeaturesExtractor):  # type: ignore[misc]
-    """What the car sees of itself and its road, plain and through a layer of a network, and the others.
+    """Inputs of the car and its road, plain and through a layer of a network, and a summary of the others.
 
-    Another small network reads each of the others; of what it finds, the greatest of all counts.
+    Another small network reads each of the others; the summary is the maximum over all of them.
     """
 
     def __init__(self, space: Dict, features: int = 32) -> None:

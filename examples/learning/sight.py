@@ -7,14 +7,14 @@ import torch
 from carlaloc_env.envs.task.state_vector import AHEAD, EGO, state_names
 
 OWN_DOING = ("yaw_rate", "road_wheel", "acceleration", "lateral_acceleration", "standing")
-"""The driver's last actions: a copy learns from them to go on, without the reason."""
+"""Effects of the driver's last actions: from these, a copy learns to repeat them, without their reason."""
 OWN_SUMS = ("room", "braking", "safe_speed", "corner_speed")
-"""It works these out itself, of the leader and of the line apart."""
+"""The pupil computes these itself, separately for the leader and for the line."""
 NAMES = state_names()
 SEEN = [k for k, name in enumerate(NAMES) if name not in (*OWN_DOING, *OWN_SUMS)]
 """Entries of the state vector that the pupil looks at."""
 NEAR_M = (8.0, 25.0)
-"""Scales of distances besides: over a hundred metres, one and three at the bumper look alike."""
+"""Further scales of distances: on a scale of 100 m, 1 m and 3 m before the bumper are hardly different."""
 
 
 class Sight(torch.nn.Module):  # type: ignore[misc]
@@ -29,7 +29,7 @@ class Sight(torch.nn.Module):  # type: ignore[misc]
         self.register_buffer("spread", torch.ones(SIZE))
 
     def fit(self, seen: torch.Tensor) -> None:
-        """Take note of mean and spread of what is seen, shape (N, state)."""
+        """Store mean and standard deviation of observations, shape (N, state)."""
         numbers = _numbers(seen)
         self.mean.copy_(numbers.mean(dim=0))
         self.spread.copy_(numbers.std(dim=0) + 0.01)

@@ -1,4 +1,4 @@
-"""Town01's route among its traffic, the scripted driver in either seat: the task of examples 11 to 13."""
+"""Town01's route among its traffic, driven or corrected by the scripted driver, for examples 11 to 13."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def make_env(time_limit_s: float = 600.0, **task: float) -> CarlaLocEnv:
 
 
 def ride(env: CarlaLocEnv, seed: int, pupil: Policy | None, **options: Any) -> Ride:
-    """An episode; without a pupil the scripted driver has the wheel, else it only proposes actions."""
+    """An episode; without a pupil the scripted driver drives, otherwise it only proposes actions."""
     env.reset(seed=seed, options=options)
     world, teacher, rows, ended = env.world, ScriptedDriver(seed), [], None
     referee, state = Referee(world, env.task), StateVector(world)

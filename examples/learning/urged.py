@@ -1,4 +1,4 @@
-"""Costs while an agent learns, which lead where noise alone does not: off the brake, and onto it in time."""
+"""Costs for training, which teach an agent to start and to brake in time; noise alone does not."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from gymnasium import Wrapper
 from carlaloc_env.envs.task.state_vector import state_names
 
 URGE, ROLLING_MPS, FREE_M = 0.6, 2.0, 8.0
-"""Cost of an action that leaves the car standing before so much room; rolling costs less."""
+"""Cost of an action that leaves the car standing with this room ahead; rolling costs less."""
 LATE, COMFORT_MPS2 = 0.4, 1.5
 """Cost of an action after which the car must brake harder than this, for each m/s²."""
 SPEED, ROOM, BRAKING = (state_names().index(name) for name in ("speed", "room", "braking"))
 
 
 class Urged(Wrapper[Any, Any, Any, Any]):
-    """Standing without a reason costs `URGE`, and closing up too fast `LATE`.
+    """Standing without a reason costs `URGE`, and approaching too fast `LATE`.
 
-    Noise sets no braked car in motion, and makes no car stop: without these costs it learns neither.
+    Random actions rarely start or stop a car: without these costs an agent learns neither.
     """
 
     def step(self, action: Any) -> Any:
-        """One action, whose reward is less if the car stands before a free road or closes up too fast."""
+        """One action, whose reward is less if the car stands before a free road or approaches too fast."""
         seen, reward, *rest = self.env.step(action)
         state = seen["state"] if isinstance(seen, dict) else seen
         speed_mps, room_m, braking_mps2 = 40.0 * state[SPEED], 20.0 * state[ROOM], 8.0 * state[BRAKING]

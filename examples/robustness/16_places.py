@@ -1,4 +1,4 @@
-"""A place descriptor of one's own, scored on twins of a drive: rings around a LiDAR, whatever its heading.
+"""Your own place descriptor, scored on twins of a drive: rings around a LiDAR, independent of its heading.
 
 python examples/robustness/16_places.py town10.mcap     prints recall at 1, 5 and 10 by day and in fog
 """

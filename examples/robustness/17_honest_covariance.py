@@ -1,4 +1,4 @@
-"""Is a system's covariance honest? Many seeds of noise on one drive have the answer.
+"""Test whether a system's covariance is consistent, by many seeds of noise on one drive.
 
 python examples/robustness/17_honest_covariance.py drive.mcap scatter small_gicp 20
 """
@@ -16,7 +16,7 @@ from recorder.streaming.drive import DriveConfig
 def main(
     drive: Path, out: Path, method: str, seeds: int, *, duration_s: float = 20.0, map: Path | None = None
 ) -> ConsistencyResult:
-    """Run a system with every seed, and print by how much its variances are too small."""
+    """Run a system with every seed, and print the factor by which its variances are too small."""
     options = ReplayOptions(rig="lidar", weathers=("ClearNoon",), traffic=("static",))
     config = ConsistencyConfig(
         drive=DriveConfig(

@@ -1,4 +1,4 @@
-"""A policy of your own at the wheel, and a SLAM system in place of the true pose.
+"""Closed-loop driving: your own policy drives by the pose of a SLAM system in place of the true one.
 
 python examples/robustness/18_drive_by_slam.py Town06 small_gicp
 """
@@ -19,7 +19,7 @@ from recorder.closed_loop.pose_source import PoseSource, SystemPose
 
 
 def keep_lane(view: DriverView) -> NDArray[np.float32]:
-    """Steer towards the route's line, at 8 m/s at most; this policy looks at nothing else."""
+    """Steer towards the route's line, at 8 m/s at most; this policy uses nothing else."""
     ahead = view.route.at(view.route_s_m + 0.5 * view.speed_mps)
     turn = np.sin(view.heading_rad - float(ahead.heading_rad[0]))
     steer = np.clip(-0.1 * view.offset_m - 1.2 * turn, -1.0, 1.0)

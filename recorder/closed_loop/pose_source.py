@@ -86,7 +86,7 @@ class SystemPose:
     Args:
         method: Name or ``.py`` file of a system, as ``carlaloc benchmark --methods`` takes it.
         silence_s: Longest time of the drive without a pose [s].
-        patience_s: Longest time on the clock between two answers of the system [s].
+        patience_s: Longest wall-clock time between two answers of the system [s].
         log: Folder of its log; None: none is kept.
     """
 

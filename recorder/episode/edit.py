@@ -33,7 +33,7 @@ JOINT_M, JOINT_DEG = 0.05, 0.3
 
 
 def cut_episode(source: Path, out: Path, start_s: float, end_s: float, *, overwrite: bool = False) -> Episode:
-    """A stretch of a drive as a drive of its own, in whole 50 ms steps.
+    """A stretch of a drive as a separate drive, in whole 50 ms steps.
 
     Raises:
         EpisodeError: the stretch is not inside the drive, or `out` exists.

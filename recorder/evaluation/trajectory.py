@@ -62,7 +62,7 @@ class Trajectory:
         )
 
     def at(self, stamp_ns: NDArray[np.int64]) -> Trajectory:
-        """Poses between its own, at increasing times [ns], shape (M,); beyond its ends the outermost ones."""
+        """Interpolated poses at increasing times [ns], shape (M,); beyond the ends the first or last pose."""
         after = np.searchsorted(self.stamp_ns, stamp_ns)
         exact = self.stamp_ns[np.minimum(after, len(self) - 1)] == stamp_ns
         before = np.clip(np.where(exact, after, after - 1), 0, len(self) - 1)

@@ -40,7 +40,7 @@ def replay(
 ) -> ReplayResult:
     """Replay an episode and write all its sequences.
 
-    A replay that was killed, interrupted or ran out of disk resumes from its finished units, and writes
+    A replay that was killed, interrupted or ran out of disk resumes from its finished units, and ends with
     the same bytes.
 
     Args:

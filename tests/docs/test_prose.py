@@ -1,11 +1,11 @@
-"""The style check of `make check` finds bad sentences; help and public docstrings keep its rules, too."""
+"""Checks of sentences, commit subjects and lines of code; help and public docstrings keep the rules, too."""
 
 from __future__ import annotations
 
-import ast
 import importlib.util
 import inspect
 import re
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -16,15 +16,22 @@ from shared_fixtures.processes.commands import all_commands
 import carlaloc_env
 import recorder
 
+CHECKS = Path(__file__).parents[2] / ".ci"
 
-@pytest.fixture(scope="module")
-def prose() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("prose", Path(__file__).parents[2] / ".ci" / "prose.py")
+
+def check(name: str) -> ModuleType:
+    """A script of `.ci/` as a module."""
+    spec = importlib.util.spec_from_file_location(name, CHECKS / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def prose() -> ModuleType:
+    return check("prose")
 
 
 @pytest.mark.parametrize(
@@ -33,22 +40,72 @@ def prose() -> ModuleType:
         ("subject", "What is killed while building blocks others."),
         ("subject", "Go to `town/`; who builds it, waits."),
         ("subject", "The file is kept for whoever comes later."),
+        ("count as a subject", "Three exceed the bound."),
+        ("count as a subject", "The world shows one of seven, with a doubt."),
         ("verb of speech", "The command tells the time."),
         ("verb of speech", "This is said in [the page](page.md)."),
-        ("more than 35 words", "The car " + "goes on and on " * 9 + "."),
+        ("'goes on' (better: continue, resume)", "After a kill the same command goes on."),
+        ("'seconds driven' (better: simulated second)", "It took 2 s for ten seconds driven."),
+        ("'need not' (better: can be harmless, does not have to)", "A metre of error need not matter."),
+        ("'costs stereo ×' (better: increases the error by)", "Fog costs stereo ×1.5."),
+        ("more than 35 words", "The car " + "drives on and on " * 9 + "."),
         ("more than 6 numbers", "It takes 1, 2, 3.5, 4, 5 000, 6 or 7 s."),
     ],
 )
 def test_a_bad_sentence_is_found_in_its_line(prose: ModuleType, rule: str, sentence: str) -> None:
-    page = f"# What is told\n\n* It is 5 m long.\n* It is wide. {sentence} It ends.\n\n| what | told |\n"
+    page = f"# Things told\n\n* It is 5 m long.\n* It is wide. {sentence} It ends.\n\n| what | told |\n"
     ((line, broken, _),) = prose.faults(page)
     assert (line, broken) == (4, rule)
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        "The estimate at the wheel",
+        "Going on",
+        "On with a dataset",
+        "Beside the table",
+        "Why we differ",
+        "How a map becomes a town",
+        "Sweeps, and where a system breaks",
+        "Places again",
+        "It ends.",
+    ],
+)
+def test_a_title_that_names_no_subject_is_found(prose: ModuleType, title: str) -> None:
+    """A line of a shell block is no title."""
+    page = f"# Sweeps\n\n```sh\n# Why we wait\n```\n\n## {title}\n"
+    assert (7, "title") in [(line, rule) for line, rule, _ in prose.faults(page)]
+
+
+PHRASES = """
+the drive goes on; it sets off; it closes up to a van; it need not fail; a short cut; the plain way
+a straight way; 1 s of processor time; a minute of the clock; a second driven; a quiet machine
+beside other work; a map of its own; it is at the wheel; a row a query; how it was had
+the output of yesterday; time stands still; it costs ×2; too small by as much; it is near to no one
+the hash stands in a file; a bar for geometry
+"""
+"""One for each refused pattern, in their order."""
+
+
+def test_every_refused_phrase_is_found(prose: ModuleType) -> None:
+    """Each by its pattern alone."""
+    phrases = re.split(r"[;\n] ?", PHRASES.strip())
+    found = [[rule.partition("(better: ")[2] for rule in prose.dialect(phrase)] for phrase in phrases]
+    assert found == [[f"{better})"] for better in prose.DIALECT.values()]
+
+
+def test_refused_phrases_are_found_in_tables(prose: ModuleType) -> None:
+    page = "# Times\n\n| a | `plain way` |\n|---|---|\n| 1 | the plain way |\n"
+    assert [fault[:2] for fault in prose.faults(page)] == [(5, "'plain way' (better: direct method)")]
 
 
 @pytest.mark.parametrize(
     "page",
     [
         "How is fog drawn? What a question?",
+        "# Sweeps and breaking points\n\n## How to add a sensor\n\n### Where does a scan come from?\n",
+        "Three of seven findings are reproduced. Half of the runs fail. It has 4 of 5 wheels.",
         "It takes 3 s (1, 2, 3, 4, 5, 6 and 7 cores) in Towns 01, 03, 04, 05, 06, 07 and 10.",
         "Run this:\n\n```sh\necho what nobody told\n```\n",
         "The option `--tell-me what` prints the date.",
@@ -71,18 +128,90 @@ def test_help_keeps_the_rules(prose: ModuleType) -> None:
 
 def test_public_docstrings_keep_the_rules(prose: ModuleType) -> None:
     """Those of public names, their fields and their public methods; an argument's line is an item."""
-    texts = list(_docstrings())
+    texts = [text for source in _public_sources() for _, text in prose.docstrings(source)]
     assert len(texts) > 400
-    items = [re.sub(r"(?m)^ +(?=\*{0,2}\w+: )", "* ", re.sub(r"(?m)^\w+:$", "", text)) for text in texts]
-    assert [fault for text in items for fault in prose.faults(text)] == []
+    assert [fault for text in texts for fault in prose.faults(text)] == []
 
 
-def _docstrings() -> Iterator[str]:
+def _public_sources() -> Iterator[str]:
     for package in (carlaloc_env, recorder):
         for value in (getattr(package, name) for name in package.__all__):
-            if not inspect.isclass(value) and not inspect.isfunction(value):
-                continue
-            tree = ast.parse(inspect.cleandoc("\n" + inspect.getsource(value)))
-            for node in ast.walk(tree):
-                if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-                    yield inspect.cleandoc(str(node.value.value))
+            if inspect.isclass(value) or inspect.isfunction(value):
+                yield inspect.cleandoc("\n" + inspect.getsource(value))
+
+
+def test_scripts_and_tutorials_are_checked(prose: ModuleType) -> None:
+    """Docstrings and the Markdown cells of tutorials, with the lines at which they begin."""
+    found = {(path.relative_to(prose.ROOT).as_posix(), line): text for path, line, text in prose.texts()}
+    assert found["docs/tutorials/dataset.py", 2].startswith("# A dataset\n\nA drive is recorded once")
+    assert found["examples/04_evaluate.py", 1].startswith("Score an estimate")
+    items = dict(prose.docstrings('def f(a):\n    """Go.\n\n    Args:\n        a: First.\n    """\n'))
+    assert items == {2: "Go.\n\n\n* a: First."}
+
+
+SPOKEN = """
+def _tell_all(told, retold=0):
+    self._said = [says for says in told]
+    stated = file.tell()
+"""
+
+
+def test_names_that_are_verbs_of_speech_are_found(prose: ModuleType) -> None:
+    """Where they are given: a call of `file.tell()` is no fault."""
+    assert sorted(prose.spoken_names(SPOKEN)) == [(2, "_tell_all"), (2, "told"), (3, "_said"), (3, "says")]
+
+
+@pytest.mark.parametrize(
+    ("subject", "fault"),
+    [
+        ("docs: name the subject in titles", ""),
+        ("recorder/cli: pass the option on", ""),
+        ('Revert "docs: name the subject in titles"', ""),
+        ("Name the subject in titles", "no `area: `"),
+        ("The docs: name the subject", "no `area: `"),
+        ("docs: named the subject", "no imperative"),
+        ("docs: naming the subject", "no imperative"),
+        ("docs: names the subject", "no imperative"),
+        ("docs: name the subject.", "full stop"),
+        ("docs: name the subject" + " of it" * 9, "76 characters, more than 72"),
+    ],
+)
+def test_commit_subjects(subject: str, fault: str, tmp_path: Path) -> None:
+    """A hook runs the script on the file of the message, in which git writes comments, too."""
+    message = tmp_path / "COMMIT_EDITMSG"
+    message.write_text(f"# A comment.\n{subject}\n\nThe body is free. It has any length." + " word" * 20)
+    done = subprocess.run([CHECKS / "commit-subject", message], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (int(bool(fault)), "")
+    assert fault in done.stderr
+    assert len(done.stderr.splitlines()) == int(bool(fault))
+
+
+SOURCE = """
+'''Docstring
+in two lines.'''
+
+from math import (
+    pi,
+)
+
+
+def area_m2(radius_m: float) -> str:
+    '''Docstring.'''
+    text = '''a string
+    of two lines'''  # Comment.
+
+    # Comment.
+    return text + str(
+        pi * radius_m**2
+    )
+"""
+
+
+def test_lines_of_code_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither docstrings, comments, blanks nor imports count; every line of a longer statement does."""
+    counter = check("code_lines")
+    assert counter.code_lines(SOURCE) == 6
+    counter.main()
+    (line,) = capsys.readouterr().out.splitlines()
+    counts = r"carlaloc_env \+ recorder \d{5} \(budget 53500\), tests \d{5} \(budget 28000\), maps \d{4}, .*"
+    assert re.fullmatch(f"lines of code: {counts}", line)

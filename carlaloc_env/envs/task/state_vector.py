@@ -81,15 +81,10 @@ AHEAD = (
     Entry("light_yellow", 1.0, "", "1 if it is yellow"),
     Entry("light_green", 1.0, "", "1 if it is green"),
     Entry("gap", SIGHT_M, "m", "from the front bumper to the first road user in the route's path; 1 without"),
-    Entry("gap_closing", 20.0, "m/s", "speed of the car less that one's speed along the route"),
+    Entry("gap_closing", 20.0, "m/s", "speed of the car less the speed of that road user along the route"),
     Entry("room", NEAR_M, "m", "the gap, or the distance to the next line if it is red or yellow and nearer"),
-    Entry(
-        "braking",
-        8.0,
-        "m/s²",
-        "deceleration by which the car stops at that line and short of the vehicle ahead",
-    ),
-    Entry("safe_speed", 1.0, "", "share of the limit at which 2.5 m/s² of braking still does so, 1 m before"),
+    Entry("braking", 8.0, "m/s²", "deceleration that stops the car before that line and the vehicle ahead"),
+    Entry("safe_speed", 1.0, "", "share of the limit from which 2.5 m/s² stops it there, with 1 m to spare"),
     Entry("corner_speed", 1.0, "", "share of the limit at which no curve ahead takes more than 2 m/s²"),
 )
 """Of what lies ahead on the route."""

@@ -73,7 +73,7 @@ class LidarConfig(SensorConfig):
     drop_weak: bool = False
     """Whether surfaces too dark for their distance give no return."""
     sectors: int = 0
-    """Parts of a revolution in which time stands still, 10 = CARLA at 200 Hz; 0: time runs on."""
+    """Parts of a revolution, each measured at one instant, 10 = CARLA at 200 Hz; 0: one time per column."""
     divergence_mrad: float = 0.0
     """Width of the beam [mrad]; above 0 five rays per beam are weighed, which mixes near edges."""
     dropoff_general: float = 0.0
