@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -65,6 +67,22 @@ def test_machine_code_of_a_class_that_is_gone_is_made_anew(tmp_path: Path) -> No
     for name, hits in (("Old", 0), ("Old", 1), ("New", 0), ("New", 1)):
         (folder / "caller.py").write_text(_WITH_CLASS.format(name))
         assert _run(tmp_path) == (7.0, hits)
+
+
+def test_kept_machine_code_is_read_and_written_by_one_at_a_time(tmp_path: Path) -> None:
+    """Numba numbers its files by an index that it reads before and writes after."""
+    inside: list[int] = []
+    most: list[int] = []
+
+    def use(number: int) -> None:
+        inside.append(number)
+        time.sleep(0.01)
+        most.append(len(inside))
+        inside.remove(number)
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(jit._in_turn(use, str(tmp_path)), range(8)))
+    assert most == [1] * 8
 
 
 def test_numba_still_keeps_its_stamp_where_ours_replaces_it() -> None:
