@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import signal
 
+import hypothesis
 import pytest
+
+# Seconds of the clock are no fault of a test: another process may hold every core.
+hypothesis.settings.register_profile(
+    "tests", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("tests")
 
 pytest_plugins = [
     "shared_fixtures.worlds.scenes",
