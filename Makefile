@@ -1,10 +1,10 @@
 # Each target does all set-up itself; a second run starts at once.
 BIN := .venv/bin
 READY := .venv/ready
-# `make test COVERAGE=` counts no lines, and takes a quarter less of the processor in tests of plain Python.
+# `make test-all COVERAGE=` counts no lines, and takes a quarter less of the processor in tests of plain Python.
 COVERAGE := --cov=carlaloc_env --cov=recorder --cov-report=
 
-.PHONY: setup demo sample docs test check bench findings soak clean
+.PHONY: setup demo sample docs test test-long test-all check bench findings soak clean
 
 setup: $(READY)
 
@@ -35,9 +35,19 @@ docs: $(READY)
 	$(BIN)/python -m mkdocs build --strict
 
 # Tests start hundreds of processes: each reads compiled sources, whatever the shell says of writing them.
-test: export PYTHONDONTWRITEBYTECODE =
+test test-long test-all: export PYTHONDONTWRITEBYTECODE =
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
+
+# What a change breaks first.
 test: .venv/warm
-	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -m "not soak" $(COVERAGE)
+	$(PYTEST) -m "not soak and not long"
+
+# The rest of `make test-all`.
+test-long: .venv/warm
+	$(PYTEST) -m "long and not soak"
+
+test-all: .venv/warm
+	$(PYTEST) -m "not soak" $(COVERAGE)
 	@[ -z "$(COVERAGE)" ] || echo "coverage: $$($(BIN)/python -m coverage report --format=total) % of lines"
 
 check: $(READY)

@@ -1,10 +1,17 @@
-"""What all tests share, and their order: long ones first, so that no process ends alone with one of them."""
+"""What all tests share, which are long, and their order: long ones first, so that no process ends alone."""
 
 from __future__ import annotations
 
 import signal
 
+import hypothesis
 import pytest
+
+# Seconds of the clock are no fault of a test: another process may hold every core.
+hypothesis.settings.register_profile(
+    "tests", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("tests")
 
 pytest_plugins = [
     "shared_fixtures.worlds.scenes",
@@ -21,13 +28,24 @@ LONG = tuple(
     f"tests/{folder}/"
     for folder in ("whole", "streaming", "replaying", "envs", "benchmark", "robustness", "window", "drive")
 )
-"""Folders whose modules take a minute or more."""
+"""Folders whose tests start processes, replays, environments and windows: `make test` leaves them out."""
+FIRST = tuple(
+    f"tests/whole/test_{module}.py"
+    for module in ("journey", "drive_to_score", "live_and_replayed", "formats_and_commands")
+)
+"""Modules of these folders that go through the whole, and so break first: `make test` runs them."""
 
 
 def pytest_configure() -> None:
     """Let Ctrl-C end what tests start: background commands of a plain shell are born ignoring it."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark the tests of long folders; single tests elsewhere have the mark in their module."""
+    if item.nodeid.startswith(LONG) and not item.nodeid.startswith(FIRST):
+        item.add_marker("long")
 
 
 @pytest.hookimpl(trylast=True)

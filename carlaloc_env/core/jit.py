@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
+from carlaloc_env.core.files.file_lock import locked
 from carlaloc_env.core.files.source_digest import source_digest
 
 P = ParamSpec("P")
@@ -45,6 +47,8 @@ def _compiled(function: Callable[P, R], *, forceinline: bool) -> Callable[P, R]:
         # Numba's own stamp is that of the function's file: it would miss a change in a function called.
         kept._source_stamp = source_digest(function.__module__)
         kept._load_index = _index_or_nothing(kept._load_index)
+        kept.load = _in_turn(kept.load, made._cache.cache_path)
+        kept.save = _in_turn(kept.save, made._cache.cache_path)
     else:
         # A numba that keeps its stamp elsewhere must not lend machine code of older sources.
         made = numba.njit(**options, forceinline=forceinline)(function)
@@ -65,6 +69,20 @@ def _index_or_nothing(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[A
             return {}
 
     return index
+
+
+def _in_turn(use: Callable[P, R], folder: str) -> Callable[P, R]:
+    """Numba's reader or writer of kept machine code, for one process at a time in a folder.
+
+    Two that compile a function for other types at once would both call their files number 1, and a reader
+    between the new index and the file would get what that number had before.
+    """
+
+    def alone(*args: P.args, **kwargs: P.kwargs) -> R:
+        with locked(Path(folder, ".numba.lock")):
+            return use(*args, **kwargs)
+
+    return alone
 
 
 def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BAND_ROWS) -> list[R]:

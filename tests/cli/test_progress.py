@@ -11,7 +11,6 @@ import struct
 import subprocess
 import sys
 import termios
-import time
 from pathlib import Path
 
 import pytest
@@ -22,13 +21,29 @@ from recorder.cli.progress import Progress
 LINE = r"replaying: (\d+) of 60 s, ([\d.]+) s/s, 00:(\d\d) left, fog"
 
 
-def work(stream: io.TextIOBase, *, total_s: float | None, kept_s: float = 0.0) -> None:
-    """Work that builds for a while, and then makes ten seconds of a drive in each second."""
+class Clock:
+    """Time that the test sets, read by the progress and by its bar."""
+
+    now_s = 1e9
+
+    def time(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(progress_module, "time", clock)
+    monkeypatch.setattr("tqdm.std.time", clock.time)
+    return clock
+
+
+def work(stream: io.TextIOBase, clock: Clock, *, total_s: float | None, kept_s: float = 0.0) -> None:
+    """Two seconds of work that builds for a while, and then makes ten seconds of a drive in each second."""
     with Progress("replaying", stream=stream) as progress:  # type: ignore[arg-type]
-        begin_s = time.monotonic()
-        while (passed_s := time.monotonic() - begin_s) < 2.0:
-            progress.update(kept_s + 10.0 * max(passed_s - 0.8, 0.0), total_s, "fog")
-            time.sleep(0.01)
+        for step in range(200):
+            progress.update(kept_s + 10.0 * max(step / 100 - 0.8, 0.0), total_s, "fog")
+            clock.now_s += 0.01
 
 
 def _read(terminal: int) -> bytes:
@@ -39,11 +54,13 @@ def _read(terminal: int) -> bytes:
 
 
 @pytest.mark.parametrize("kept_s", [0.0, 40.0])
-def test_a_log_gets_lines_with_the_rate_of_this_run(kept_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_gets_lines_with_the_rate_of_this_run(
+    kept_s: float, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Neither the time before the first progress nor what an earlier run did counts for the rate."""
     monkeypatch.setattr(progress_module, "LINE_S", 0.4)
     stream = io.StringIO()
-    work(stream, total_s=60.0, kept_s=kept_s)
+    work(stream, clock, total_s=60.0, kept_s=kept_s)
     lines = stream.getvalue().splitlines()
     assert 3 <= len(lines) <= 5
     found = re.fullmatch(LINE, lines[-1])
@@ -55,22 +72,22 @@ def test_a_log_gets_lines_with_the_rate_of_this_run(kept_s: float, monkeypatch: 
 
 
 def test_a_short_run_writes_no_line_and_one_without_an_end_no_time_left(
-    monkeypatch: pytest.MonkeyPatch,
+    clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stream = io.StringIO()
-    work(stream, total_s=60.0)
+    work(stream, clock, total_s=60.0)
     assert stream.getvalue() == ""
     monkeypatch.setattr(progress_module, "LINE_S", 0.4)
-    work(stream, total_s=None)
+    work(stream, clock, total_s=None)
     assert re.fullmatch(r"replaying: \d+ s, [\d.]+ s/s, fog", stream.getvalue().splitlines()[-1])
 
 
-def test_a_terminal_has_one_bar_that_goes() -> None:
+def test_a_terminal_has_one_bar_that_goes(clock: Clock) -> None:
     """A real terminal, of 80 columns."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     with os.fdopen(slave, "w") as stream:
-        work(stream, total_s=60.0)
+        work(stream, clock, total_s=60.0)
     drawn = b"".join(iter(lambda: _read(master), b"")).decode()
     os.close(master)
     assert "\n" not in drawn

@@ -94,9 +94,11 @@ def test_named_files_exist(page: Path) -> None:
 
 def test_named_make_targets_exist() -> None:
     """Every `make x` of README and CONTRIBUTING is a target, and CONTRIBUTING names all but `clean`."""
-    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
     named = {
-        page: set(re.findall(r"(?:^|`)make (\w+)", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE))
+        page: set(
+            re.findall(r"(?:^|`)make ([\w-]+)", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
+        )
         for page in ("README.md", "CONTRIBUTING.md")
     }
     assert named["README.md"] <= targets

@@ -20,6 +20,7 @@ from gymnasium.wrappers import (
     RecordVideo,
     TimeLimit,
 )
+from shared_fixtures.processes.lifecycles import runs
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 import carlaloc_env  # noqa: F401  registers the environments
@@ -139,16 +140,8 @@ def test_an_interrupt_leaves_no_orphan(straight_map: Path, tmp_path: Path) -> No
     workers = [int(word) for word in child.stdout.readline().split()]
     assert len(workers) == 2
     os.killpg(child.pid, signal.SIGINT)
-    child.wait(120)
+    child.wait(600)
     end = time.monotonic() + 600.0
-    while alive := [pid for pid in workers if _runs(pid)]:
+    while alive := [pid for pid in workers if runs(pid)]:
         assert time.monotonic() < end, f"still there: {alive}"
         time.sleep(0.1)
-
-
-def _runs(pid: int) -> bool:
-    """Whether a process is there and no zombie."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False

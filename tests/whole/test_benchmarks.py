@@ -102,7 +102,7 @@ def test_memory_counts_children() -> None:
     """A child's pages count while it lives: 60 MB in each of two processes."""
     program = (
         "import subprocess, sys, time; block = bytes(range(256)) * 240_000; "
-        "code = 'import time; block = bytes(range(256)) * 240_000; time.sleep(0.8)'; "
+        "code = 'import time; block = bytes(range(256)) * 240_000\\nwhile time.process_time() < 1.0: pass'; "
         "subprocess.run([sys.executable, '-c', code])"
     )
     measure = (

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import DeviceError, MapError
@@ -74,34 +76,44 @@ def _fail() -> None:
 
 
 def test_the_text_is_on_the_screen_while_work_is_done(opening: Opening, tmp_path: Path) -> None:
-    """The bar grows from one tenth of a second to the next, and the text is written above it."""
-    pictures = []
+    """The bar appears and grows while the work goes on, and the text is written above it."""
+    bars = []
 
-    def work() -> None:
-        for k in range(2):
-            time.sleep(0.5)
-            opening.window.save(tmp_path / f"{k}.png")
-            pictures.append(pygame.surfarray.array3d(pygame.image.load(str(tmp_path / f"{k}.png"))))
+    def picture() -> np.ndarray:
+        opening.window.save(tmp_path / "look.png")
+        return np.asarray(pygame.surfarray.array3d(pygame.image.load(str(tmp_path / "look.png"))))
+
+    def longer_bar(than: int) -> int:
+        length = than
+        while length <= than:
+            time.sleep(0.1)
+            seen = picture()
+            row = seen.shape[1] // 2 + seen.shape[1] // 12 + 2
+            length = int((seen[:, row] == (80, 165, 255)).all(axis=1).sum())
+        return length
+
+    def work() -> np.ndarray:
+        bars.append(longer_bar(0))
+        bars.append(longer_bar(bars[0]))
+        return picture()
 
     with opening:
-        opening.run("building Town03", work)
-    width, height = pictures[0].shape[:2]
-    row = height // 2 + height // 12 + 2
-    first, second = (int((picture[:, row] == (80, 165, 255)).all(axis=1).sum()) for picture in pictures)
-    assert 0 < first < second < width // 2
-    text = pictures[0][:, height // 2 - 20 : height // 2 + 20]
+        last = opening.run("building Town03", work)
+    width, height = last.shape[:2]
+    assert bars[1] < width // 2
+    text = last[:, height // 2 - 20 : height // 2 + 20]
     assert (text.max(axis=2) > 200).sum() > 300
 
 
 @pytest.mark.parametrize("event", ["QUIT", "KEYDOWN"])
-def test_closing_it_ends_the_command(opening: Opening, event: str) -> None:
+def test_closing_it_ends_the_command(opening: Opening, event: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The work is not cut off; then one line says that there is no drive."""
-    done = []
+    done, ending = [], threading.Event()
+    monkeypatch.setattr(opening, "show", lambda what: ending.set() if what == "ending" else None)
 
     def work() -> None:
         pygame.event.post(pygame.event.Event(getattr(pygame, event), key=pygame.K_ESCAPE))
-        time.sleep(0.5)
-        done.append(True)
+        done.append(ending.wait(600.0))
 
     with opening, pytest.raises(DeviceError, match="closed before the drive began"):
         opening.run("building Town03", work)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shared_fixtures.processes.lifecycles import runs
 from shared_fixtures.worlds.maps import VILLAGE
 
 from carlaloc_env.actors.instances import instances_at
@@ -107,15 +108,7 @@ def test_it_ends_with_a_parent_that_is_killed(tmp_path: Path) -> None:
         pytest.skip("no OpenGL")
     child = int(parent.stdout)
     assert parent.returncode == -signal.SIGKILL
-    wait_for(lambda: not _runs(child))
-
-
-def _runs(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
+    wait_for(lambda: not runs(child))
 
 
 def test_indicators_blink_on_the_ego_and_lamps_go_out(world: DrivingWorld) -> None:

@@ -14,8 +14,8 @@ import os
 import re
 import stat
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import OutputError
 from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.file_lock import take_lock
+from carlaloc_env.core.files.file_lock import locked
 from carlaloc_env.core.files.source_digest import source_digest
 from carlaloc_env.core.freed_memory import give_back_mapped_pages
 
@@ -92,17 +92,23 @@ def cached(
         if (fault := _distrust(path)) is not None:
             _log.warning("cache is not used: %s %s; set $CARLALOC_CACHE to a folder of your own", path, fault)
             return make()
+    before = _inode(stored)
     kept = _read(stored, from_arrays)
     if kept is not None:
         with suppress(OSError):
             os.utime(stored)
         return kept
-    with suppress(OSError):
-        stored.unlink(missing_ok=True)
-    with _lock(stored.with_name(f".{name}.{kind}.lock")):
+    with locked(stored.with_name(f".{name}.{kind}.lock")):
         # Another process may have made it meanwhile.
-        kept = _read(stored, from_arrays)
+        kept = None if _inode(stored) == before else _read(stored, from_arrays)
         return _made(stored, make, to_arrays, kept_files) if kept is None else kept
+
+
+def _inode(path: Path) -> int | None:
+    """Number of the file that has this name now, if any."""
+    with suppress(OSError):
+        return path.stat().st_ino
+    return None
 
 
 def _read(stored: Path, from_arrays: Callable[[Arrays], T]) -> T | None:
@@ -119,6 +125,8 @@ def _read(stored: Path, from_arrays: Callable[[Arrays], T]) -> T | None:
 
 def _made(stored: Path, make: Callable[[], T], to_arrays: Callable[[T], Arrays], kept_files: int) -> T:
     """What is made anew, and kept where that can be done."""
+    with suppress(OSError):
+        stored.unlink(missing_ok=True)
     begin = time.perf_counter()
     made = make()
     _log.info("made %s in %.1f s", stored.name, time.perf_counter() - begin)
@@ -128,23 +136,6 @@ def _made(stored: Path, make: Callable[[], T], to_arrays: Callable[[T], Arrays],
     except (OSError, OutputError) as error:
         _log.warning("%s cannot be cached: %s", stored.name, error)
     return made
-
-
-@contextmanager
-def _lock(path: Path) -> Iterator[None]:
-    """Hold the making of files of one name and kind, so that processes that start together make them once.
-
-    Where files cannot be locked (Windows, some network drives, a folder that cannot be written), each process
-    makes its own.
-    """
-    with ExitStack() as held:
-        with suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            file = held.enter_context(path.open("a"))
-            if not take_lock(file):
-                _log.info("waiting for another process that holds %s", path)
-                take_lock(file, wait=True)
-        yield
 
 
 def _distrust(path: Path) -> str | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -11,6 +13,8 @@ try:
     import fcntl
 except ImportError:  # Windows, where an open file cannot be removed, so that it needs no lock.
     fcntl = None  # type: ignore[assignment]
+
+_log = logging.getLogger(__name__)
 
 
 def take_lock(file: IO[Any], *, wait: bool = False) -> bool:
@@ -27,6 +31,23 @@ def take_lock(file: IO[Any], *, wait: bool = False) -> bool:
     except OSError:
         return False
     return True
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold a file of this name, which is made where it is missing, so that processes take turns.
+
+    Where files cannot be locked (Windows, some network drives, a folder that cannot be written), no process
+    waits for another.
+    """
+    with ExitStack() as held:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            file = held.enter_context(path.open("a"))
+            if not take_lock(file):
+                _log.info("waiting for another process that holds %s", path)
+                take_lock(file, wait=True)
+        yield
 
 
 def has_name(file: IO[Any], path: Path) -> bool:

@@ -7,10 +7,12 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from carlaloc_env.core.files import array_cache
 from carlaloc_env.core.files.array_cache import cached
 
 
@@ -65,6 +67,22 @@ def test_who_is_killed_while_making_holds_nobody_up(tmp_path: Path) -> None:
     assert fetch(folder, 0.0) == 4.0
     assert makings(folder) == 2
     assert {path.suffix for path in folder.iterdir()} == {".test", ".lock"}
+
+
+def test_a_file_made_between_a_look_and_the_lock_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, read = tmp_path / "cache", array_cache._read
+
+    def overtaken(*arguments: Any) -> Any:
+        monkeypatch.undo()
+        found = read(*arguments)
+        assert fetch(folder, 0.0) == 4.0
+        return found
+
+    monkeypatch.setattr(array_cache, "_read", overtaken)
+    assert fetch(folder, 0.0) == 4.0
+    assert makings(folder) == 1
 
 
 def test_a_folder_without_locks_is_used_all_the_same(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from shared_fixtures.processes.made_once import made_once
 
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.rigs.rig import SensorRig
@@ -17,9 +18,12 @@ CALM = "dynamic,vehicles=50,walkers=10"
 @pytest.fixture(scope="session")
 def short_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six seconds of the scripted driver among Town03's traffic; never write to this file."""
-    path = tmp_path_factory.mktemp("short_drive") / "drive.mcap"
-    record(RecordConfig(map="Town03", out=path, duration_s=6.0, seed=3, traffic=CALM))
-    return path
+
+    def make(folder: Path) -> None:
+        out = folder / "drive.mcap"
+        record(RecordConfig(map="Town03", out=out, duration_s=6.0, seed=3, traffic=CALM))
+
+    return made_once(tmp_path_factory, "short_drive", make) / "drive.mcap"
 
 
 def small_cameras(rig: SensorRig) -> SensorRig:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from shared_fixtures.processes.made_once import made_once
 
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from recorder.drive.record import RecordConfig, record
@@ -68,16 +69,20 @@ class StraightDrive:
 @pytest.fixture(scope="session")
 def straight_drive(tmp_path_factory: pytest.TempPathFactory, straight_map: Path) -> StraightDrive:
     """Two seconds among a few others; never write to these files."""
-    folder = tmp_path_factory.mktemp("straight_drive")
-    drive = StraightDrive(
-        folder / "drive.mcap", folder / "straight.xodr", folder / "rig.yaml", folder / "state_rig.yaml"
-    )
-    shutil.copy(straight_map, drive.town)
-    traffic = "dynamic,vehicles=5,walkers=0"
-    record(RecordConfig(map=str(drive.town), out=drive.episode, duration_s=2.0, seed=5, traffic=traffic))
-    drive.rig.write_text(RIG)
-    drive.state_rig.write_text(STATE_RIG)
-    return drive
+
+    def make(folder: Path) -> None:
+        drive = files(folder)
+        shutil.copy(straight_map, drive.town)
+        traffic = "dynamic,vehicles=5,walkers=0"
+        record(RecordConfig(map=str(drive.town), out=drive.episode, duration_s=2.0, seed=5, traffic=traffic))
+        drive.rig.write_text(RIG)
+        drive.state_rig.write_text(STATE_RIG)
+
+    def files(folder: Path) -> StraightDrive:
+        names = ("drive.mcap", "straight.xodr", "rig.yaml", "state_rig.yaml")
+        return StraightDrive(*(folder / name for name in names))
+
+    return files(made_once(tmp_path_factory, "straight_drive", make))
 
 
 @pytest.fixture

@@ -34,6 +34,14 @@ class Held(NamedTuple):
         return cls(int(own[1]) / 1024, len(list(Path("/proc/self/fd").iterdir())))
 
 
+def runs(pid: int) -> bool:
+    """Whether a process is there and no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 def growth(cycle: Callable[[int], None], cycles: int, warm_ups: int) -> Held:
     """What is held after some cycles more than after the first ones."""
     if not Path("/proc/self/smaps_rollup").exists() or not hasattr(ctypes.CDLL(None), "malloc_trim"):
