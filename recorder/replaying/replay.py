@@ -63,13 +63,11 @@ def replay(
             # Imported after all checks: this imports the renderer and the writers.
             from recorder.replaying.run import ReplayRun
 
-            ReplayRun(plan, work, progress or _ignore, later_s).run(with_shared=not begun)
+            ReplayRun(plan, work, progress or (lambda done_s, total_s: None), later_s).run(
+                with_shared=not begun
+            )
             work.publish()
     return _result(plan)
-
-
-def _ignore(done_s: float, total_s: float) -> None:
-    """Ignore progress."""
 
 
 def _result(plan: ReplayPlan) -> ReplayResult:
