@@ -63,13 +63,10 @@ def replay(
             # Imported after all checks: this imports the renderer and the writers.
             from recorder.replaying.run import ReplayRun
 
-            ReplayRun(plan, work, progress or _ignore, later_s).run(with_shared=not begun)
+            on_progress = progress or (lambda done_s, total_s: None)
+            ReplayRun(plan, work, on_progress, later_s).run(with_shared=not begun)
             work.publish()
     return _result(plan)
-
-
-def _ignore(done_s: float, total_s: float) -> None:
-    """Ignore progress."""
 
 
 def _result(plan: ReplayPlan) -> ReplayResult:

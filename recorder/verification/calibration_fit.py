@@ -119,16 +119,14 @@ def _points_of(cloud: Any) -> tuple[Array, Any]:
         after_us = generic[sorted(generic)[times]].ravel()
         return np.asarray(found.points, float), after_us.astype(np.int64) * 1000
     offsets = {field.name: field.offset for field in cloud.fields}
-    names = {"x": "<f4", "y": "<f4", "z": "<f4", "time": "<f4"}
-    dtype = np.dtype(
-        {
-            "names": list(names),
-            "formats": list(names.values()),
-            "offsets": [offsets[name] for name in names],
-            "itemsize": cloud.point_step,
-        }
-    )
-    rows = np.frombuffer(cloud.data.tobytes(), dtype)
+    names = ["x", "y", "z", "time"]
+    layout: Any = {
+        "names": names,
+        "formats": ["<f4"] * 4,
+        "offsets": [offsets[name] for name in names],
+        "itemsize": cloud.point_step,
+    }
+    rows = np.frombuffer(cloud.data.tobytes(), np.dtype(layout))
     after_ns = np.round(rows["time"].astype(float) * 1e9).astype(np.int64)
     return np.stack([rows[axis] for axis in "xyz"], axis=1).astype(float), after_ns
 

@@ -2,46 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
+from typing import Any
 
-from carlaloc_env.samples import DepthImage, Events, FlowImage, Image, NormalImage, SemanticImage
-from recorder.writers.base import grey
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.samples import Events, Image
 from recorder.writers.ros.message_parts import Message, MessageParts
 
 
-def image_rgb8(maker: MessageParts, header: Message, sample: Image) -> Message:
-    """Colour image."""
-    return maker.image(header, sample.rgb, "rgb8")
-
-
-def image_mono8(maker: MessageParts, header: Message, sample: Image) -> Message:
-    """Brightness of a colour image."""
-    return maker.image(header, grey(sample), "mono8")
-
-
-def image_32fc1(maker: MessageParts, header: Message, sample: DepthImage) -> Message:
-    """Planar depth [m]."""
-    return maker.image(header, sample.depth_m, "32FC1")
-
-
-def image_tags(maker: MessageParts, header: Message, sample: SemanticImage) -> Message:
-    """Semantic tags."""
-    return maker.image(header, sample.tag, "mono8")
-
-
-def image_instances(maker: MessageParts, header: Message, sample: SemanticImage) -> Message:
-    """Instance ids."""
-    return maker.image(header, sample.instance.astype(np.int32), "32SC1")
-
-
-def image_32fc2(maker: MessageParts, header: Message, sample: FlowImage) -> Message:
-    """Flow, rightwards and downwards [px]."""
-    return maker.image(header, sample.flow_px, "32FC2")
-
-
-def image_32fc3(maker: MessageParts, header: Message, sample: NormalImage) -> Message:
-    """Normals in the optical frame."""
-    return maker.image(header, sample.normal, "32FC3")
+def image_encoder(
+    encoding: str, pixels_of: Callable[[Any], NDArray[Any]]
+) -> Callable[[MessageParts, Message, Any], Message]:
+    """Function that makes images of an encoding from an array of a sample."""
+    return lambda maker, header, sample: maker.image(header, pixels_of(sample), encoding)
 
 
 def event_array(maker: MessageParts, header: Message, sample: Events) -> Message:

@@ -42,12 +42,12 @@ _OBJECT_DTYPE = np.dtype(
 
 def points(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
     """Points as velodyne_pointcloud's XYZIRT."""
-    return _cloud(maker, header, sample, _POINT_DTYPE)
+    return maker.table(header, _rows(sample, _POINT_DTYPE))
 
 
 def points_labelled(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
     """The same with tag and instance id."""
-    return _cloud(maker, header, sample, _LABELLED_DTYPE)
+    return maker.table(header, _rows(sample, _LABELLED_DTYPE))
 
 
 def points_of_the_town(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
@@ -56,10 +56,6 @@ def points_of_the_town(maker: MessageParts, header: Message, sample: PointCloud)
     if sample.tag is not None:
         rows = rows[~np.isin(sample.tag, _ROAD_USERS)]
     return maker.table(header, rows)
-
-
-def _cloud(maker: MessageParts, header: Message, sample: PointCloud, dtype: np.dtype[np.void]) -> Message:
-    return maker.table(header, _rows(sample, dtype))
 
 
 def _rows(sample: PointCloud, dtype: np.dtype[np.void]) -> NDArray[np.void]:

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from carlaloc_env.samples import Sample
+from recorder.writers.base import grey
 from recorder.writers.ros import camera_messages, cloud_messages, compact_messages, state_messages
+from recorder.writers.ros.camera_messages import image_encoder
 from recorder.writers.ros.message_parts import Message, MessageParts
 
 
@@ -20,12 +24,12 @@ class MessageMaker(MessageParts):
 
 
 ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]] = {
-    "image_rgb8": ("sensor_msgs/msg/Image", camera_messages.image_rgb8),
-    "image_mono8": ("sensor_msgs/msg/Image", camera_messages.image_mono8),
-    "image_32fc1": ("sensor_msgs/msg/Image", camera_messages.image_32fc1),
-    "image_tags": ("sensor_msgs/msg/Image", camera_messages.image_tags),
-    "image_32fc2": ("sensor_msgs/msg/Image", camera_messages.image_32fc2),
-    "image_32fc3": ("sensor_msgs/msg/Image", camera_messages.image_32fc3),
+    "image_rgb8": ("sensor_msgs/msg/Image", image_encoder("rgb8", lambda s: s.rgb)),
+    "image_mono8": ("sensor_msgs/msg/Image", image_encoder("mono8", grey)),
+    "image_32fc1": ("sensor_msgs/msg/Image", image_encoder("32FC1", lambda s: s.depth_m)),
+    "image_tags": ("sensor_msgs/msg/Image", image_encoder("mono8", lambda s: s.tag)),
+    "image_32fc2": ("sensor_msgs/msg/Image", image_encoder("32FC2", lambda s: s.flow_px)),
+    "image_32fc3": ("sensor_msgs/msg/Image", image_encoder("32FC3", lambda s: s.normal)),
     "event_array": ("dvs_msgs/msg/EventArray", camera_messages.event_array),
     "camera_info": ("sensor_msgs/msg/CameraInfo", camera_messages.camera_info),
     "points": ("sensor_msgs/msg/PointCloud2", cloud_messages.points),
@@ -46,7 +50,10 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]]
     "can_pedals": ("can_msgs/msg/Frame", state_messages.can_frame("PEDALS")),
     "objects": ("derived_object_msgs/msg/ObjectArray", state_messages.objects),
     "object_table": ("sensor_msgs/msg/PointCloud2", cloud_messages.object_table),
-    "image_instances": ("sensor_msgs/msg/Image", camera_messages.image_instances),
+    "image_instances": (
+        "sensor_msgs/msg/Image",
+        image_encoder("32SC1", lambda s: s.instance.astype(np.int32)),
+    ),
     "acceleration": ("geometry_msgs/msg/AccelStamped", state_messages.acceleration),
     "odometry": ("nav_msgs/msg/Odometry", state_messages.odometry),
 }
