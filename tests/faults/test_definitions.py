@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.readings.bag_samples import imu as imu_of
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry.geodesy import GeoReference
@@ -24,10 +25,7 @@ MS = 1_000_000
 
 
 def imu(stamp_ns: int = 0) -> Imu:
-    force, rate = np.array([0.3, -0.2, 9.81]), np.array([0.01, 0.0, -0.3])
-    return Imu(
-        sensor="imu", frame_id="imu", stamp_ns=stamp_ns, specific_force_mps2=force, angular_rate_radps=rate
-    )
+    return imu_of(stamp_ns, (0.3, -0.2, 9.81), (0.01, 0.0, -0.3))
 
 
 def cloud(stamp_ns: int = 0, *, labelled: bool = True, count: int = 20_000) -> PointCloud:

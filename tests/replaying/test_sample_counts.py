@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.readings.bag_samples import cloud_of
 
 from carlaloc_env.samples import PointCloud, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
@@ -26,17 +28,7 @@ movers: {lidar_semantic: 0.0521, semantic_left: 0.125}
 
 def cloud(instance: list[int] | None) -> PointCloud:
     """A sweep of four points."""
-    return PointCloud(
-        sensor="lidar_semantic" if instance else "lidar",
-        stamp_ns=0,
-        frame_id="lidar",
-        points_xyz_m=np.zeros((4, 3), np.float32),
-        intensity=np.zeros(4, np.float32),
-        ring=np.zeros(4, np.uint16),
-        offset_ns=np.zeros(4, np.uint32),
-        sweep_ns=50_000_000,
-        instance=None if instance is None else np.array(instance, np.uint32),
-    )
+    return cloud_of(np.zeros((4, 3)), labelled=instance is not None, instance=instance or 0)
 
 
 def test_points_and_pixels_on_traffic_are_counted() -> None:
@@ -47,15 +39,8 @@ def test_points_and_pixels_on_traffic_are_counted() -> None:
     share.count(cloud(None))
     picture = np.full((2, 4), EGO_INSTANCE + 9, np.uint32)
     picture[0] = 3
-    share.count(
-        SemanticImage(
-            sensor="semantic_left",
-            frame_id="camera_left",
-            stamp_ns=0,
-            tag=np.zeros((2, 4), np.uint8),
-            instance=picture,
-        )
-    )
+    at: dict[str, Any] = {"sensor": "semantic_left", "frame_id": "camera_left", "stamp_ns": 0}
+    share.count(SemanticImage(tag=np.zeros((2, 4), np.uint8), instance=picture, **at))
     assert share.shares() == {"lidar_semantic": pytest.approx(3 / 8), "semantic_left": pytest.approx(0.5)}
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from shared_fixtures.readings.bag_samples import drive, rig
+from shared_fixtures.readings.bag_samples import batch_of, drive, rig, write_all
 
-from carlaloc_env.samples import EVENT, DepthImage, Events, Image, Imu, PointCloud, Sample, SemanticImage
+from carlaloc_env.samples import EVENT, DepthImage, Image, Imu, PointCloud, Sample, SemanticImage
 from recorder.verification.against import differences
 from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
@@ -24,22 +24,15 @@ AT = 100_000_000
 
 
 def _rosbag1(folder: Path, samples: list[Sample]) -> Path:
-    _write(Rosbag1Writer(folder / "some.bag", Ros1Encoder(rig())), samples)
-    return folder / "some.bag"
+    return write_all(Rosbag1Writer(folder / "some.bag", Ros1Encoder(rig())), samples)
 
 
 def _rosbag2(storage: str) -> Make:
     def make(folder: Path, samples: list[Sample]) -> Path:
-        _write(Rosbag2Writer(folder / "some", Ros2Encoder(rig()), storage=storage), samples)
+        write_all(Rosbag2Writer(folder / "some", Ros2Encoder(rig()), storage=storage), samples)
         return next((folder / "some").glob("*.mcap" if storage == "mcap" else "*.db3"))
 
     return make
-
-
-def _write(writer: Rosbag1Writer | Rosbag2Writer, samples: list[Sample]) -> None:
-    with writer:
-        for sample in samples:
-            writer.write(sample)
 
 
 BAGS: dict[str, Make] = {"rosbag1": _rosbag1, "mcap": _rosbag2("mcap"), "sqlite3": _rosbag2("sqlite3")}
@@ -145,12 +138,7 @@ def events(tmp_path: Path) -> Path:
             rows = np.zeros(1000, EVENT)
             rows["t"] = stamp - 50_000_000 + np.arange(1, 1001) * 50_000
             rows["x"], rows["y"], rows["p"] = np.arange(1000) % 640, np.arange(1000) % 480, 1
-            writer.write(
-                Events(
-                    sensor="events_left", frame_id="camera_left", stamp_ns=stamp, events=rows, width_px=640,
-                    height_px=480, period_ns=50_000_000,
-                )
-            )  # fmt: skip
+            writer.write(batch_of(rows, stamp, (640, 480)))
     return path
 
 

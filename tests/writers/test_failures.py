@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_fixtures.readings.bag_samples import imu
 
 from carlaloc_env.core.errors import EpisodeError, WriterError
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.samples import Image, Imu
+from carlaloc_env.samples import Image
 from recorder.episode.episode import EgoRow, EpisodeHeader, EpisodeWriter, open_episode
 from recorder.writers.base import Writer
 from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
@@ -87,14 +88,6 @@ def test_rest_of_a_killed_run_is_replaced(tmp_path: Path, make: Callable[[Path],
     first.open()
     first.write(picture(0))
     with make(tmp_path) as second:
-        second.write(
-            Imu(
-                sensor="imu",
-                frame_id="imu",
-                stamp_ns=0,
-                specific_force_mps2=np.zeros(3),
-                angular_rate_radps=np.zeros(3),
-            )
-        )
+        second.write(imu())
     names = [p.name for p in tmp_path.iterdir()]
     assert names in (["a.bag"], ["mav0"])

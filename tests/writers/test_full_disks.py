@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shared_fixtures.processes.small_disks import small_disk
+from shared_fixtures.readings.bag_samples import batch_of, cloud_of, imu, truth, write_all
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.samples import EVENT, Events, Image, Imu, Odometry, PointCloud, Sample
+from carlaloc_env.samples import EVENT, Image, Sample
 from recorder.writers.base import Writer
 from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
 from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
@@ -58,48 +59,17 @@ def _drive() -> list[Sample]:
         events["t"] = stamp + np.sort(rng.integers(0, STEP_NS, count)) - STEP_NS + 1
         events["x"], events["y"] = rng.integers(0, WIDTH, count), rng.integers(0, HEIGHT, count)
         samples += [
-            Events(
-                sensor="events_left", frame_id="camera_left", stamp_ns=stamp, events=events,
-                width_px=WIDTH, height_px=HEIGHT, period_ns=STEP_NS,
-            ),
+            batch_of(events, stamp, (WIDTH, HEIGHT), STEP_NS),
             Image(
                 sensor="rgb_left", frame_id="camera_left", stamp_ns=stamp,
                 rgb=rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8),
             ),
-            PointCloud(
-                sensor="lidar_semantic", frame_id="lidar", stamp_ns=stamp,
-                points_xyz_m=rng.normal(size=(3000, 3)).astype(np.float32),
-                intensity=np.zeros(3000, np.float32), ring=np.zeros(3000, np.uint16),
-                offset_ns=np.zeros(3000, np.uint32), sweep_ns=STEP_NS, tag=np.zeros(3000, np.uint8),
-                instance=np.zeros(3000, np.uint32), cos_incidence=np.ones(3000, np.float32),
-            ),
+            cloud_of(rng.normal(size=(3000, 3)), stamp, sweep_ns=STEP_NS, cos_incidence=1.0),
         ]  # fmt: skip
         for tick in range(stamp, stamp + STEP_NS, 5_000_000):
-            samples += [_imu(tick), _truth(tick)]
+            values = np.random.default_rng(tick).normal(size=(2, 3))
+            samples += [imu(tick, *values), truth(tick, (tick / 1e9, 0.0, 0.0))]
     return samples
-
-
-def _imu(stamp_ns: int) -> Imu:
-    values = np.random.default_rng(stamp_ns).normal(size=(2, 3))
-    return Imu(
-        sensor="imu",
-        frame_id="imu",
-        stamp_ns=stamp_ns,
-        specific_force_mps2=values[0],
-        angular_rate_radps=values[1],
-    )
-
-
-def _truth(stamp_ns: int) -> Odometry:
-    return Odometry(
-        sensor="truth",
-        frame_id="base_link",
-        stamp_ns=stamp_ns,
-        position_m=np.array([stamp_ns / 1e9, 0.0, 0.0]),
-        quat_xyzw=np.array([0.0, 0.0, 0.0, 1.0]),
-        velocity_world_mps=np.zeros(3),
-        angular_rate_radps=np.zeros(3),
-    )
 
 
 def _contents(folder: Path) -> dict[str, int]:
@@ -114,9 +84,7 @@ def test_whole_or_nothing(tmp_path: Path, name: str, capfd: pytest.CaptureFixtur
     make, samples = WRITERS[name], _drive()
 
     def write(folder: Path) -> None:
-        with make(folder) as writer:
-            for sample in samples:
-                writer.write(sample)
+        write_all(make(folder), samples)
 
     (tmp_path / "whole").mkdir()
     write(tmp_path / "whole")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from shared_fixtures.readings.bag_samples import batch_of
 
-from carlaloc_env.samples import EVENT, Events
+from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.event_camera.readout import by_time, limit_rate
 
 
@@ -35,16 +36,7 @@ def test_rate_limit_thins_busy_slots_evenly() -> None:
 
 def test_counts_of_an_observation() -> None:
     events = np.array([(5, 3, 1, 1), (6, 3, 1, 1), (7, 0, 0, 0)], EVENT)
-    sample = Events(
-        sensor="events_left",
-        frame_id="camera_left",
-        stamp_ns=10,
-        events=events,
-        width_px=4,
-        height_px=2,
-        period_ns=50_000_000,
-    )
-    counts = sample.observed()
+    counts = batch_of(events, size_px=(4, 2)).observed()
     assert counts.shape == (2, 4, 2)
     assert counts[1, 3, 0] == 2
     assert counts[0, 0, 1] == 1

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from shared_fixtures.readings.bag_samples import cloud_of
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geometry import transforms
@@ -32,10 +33,7 @@ CAR_SHARE = 0.1
 
 def rig() -> SensorRig:
     lidar = LidarConfig(
-        mount=Mount(position_m=(1.0, 0.0, 1.8)),
-        rate_hz=10.0,
-        columns=COLUMNS,
-        elevations_deg=ELEVATIONS_DEG,
+        mount=Mount(position_m=(1.0, 0.0, 1.8)), rate_hz=10.0, columns=COLUMNS, elevations_deg=ELEVATIONS_DEG
     )
     return SensorRig(name="box", sensors=(lidar,))
 
@@ -63,20 +61,10 @@ def sweep(stamp_ns: int) -> PointCloud:
     draw = np.random.default_rng(stamp_ns)
     car = draw.random(len(ray)) < CAR_SHARE
     distance = distance + draw.normal(0.0, 0.005, len(ray)) - np.where(car, 0.5, 0.0)
-    count = len(ray)
-    return PointCloud(
-        sensor="lidar_semantic",
-        frame_id="lidar",
-        stamp_ns=stamp_ns,
-        points_xyz_m=(ray * distance[:, None]).astype(np.float32),
-        intensity=np.full(count, 0.5, np.float32),
-        ring=ring.astype(np.uint16),
-        offset_ns=offset_ns.astype(np.uint32),
-        sweep_ns=SWEEP_NS,
-        tag=np.where(car, int(Tag.CAR), int(Tag.BUILDING)).astype(np.uint8),
-        instance=np.where(car, 300_000, 1).astype(np.uint32),
-        cos_incidence=np.ones(count, np.float32),
-    )
+    return cloud_of(
+        ray * distance[:, None], stamp_ns, sweep_ns=SWEEP_NS, intensity=0.5, ring=ring, offset_ns=offset_ns,
+        tag=np.where(car, Tag.CAR, Tag.BUILDING), instance=np.where(car, 300_000, 1), cos_incidence=1.0,
+    )  # fmt: skip
 
 
 def plain(cloud: PointCloud) -> PointCloud:

@@ -63,33 +63,15 @@ def load(path: Path) -> Any:
 def test_files(folder: Path) -> None:
     names = sorted(str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file())
     assert names == [
-        "a_loam.launch",
-        "basalt.json",
-        "extrinsics.yaml",
-        "fast_lio.launch",
-        "fast_lio.yaml",
-        "kalibr/camchain-imucam.yaml",
-        "kalibr/imu.yaml",
-        "kiss_icp.yaml",
-        "lego_loam.launch",
-        "lego_loam.md",
-        "lio_sam.yaml",
-        "open_vins/estimator_config.yaml",
-        "open_vins/kalibr_imu_chain.yaml",
-        "open_vins/kalibr_imucam_chain.yaml",
-        "open_vins/open_vins.launch",
-        "orbslam3_stereo.yaml",
-        "orbslam3_stereo_inertial.yaml",
-        "rko_lio.yaml",
-        "s_msckf/camchain-imucam.yaml",
-        "s_msckf/s_msckf.launch",
-        "vins_fusion/cam0.yaml",
-        "vins_fusion/cam1.yaml",
-        "vins_fusion/stereo.launch",
-        "vins_fusion/stereo.yaml",
-        "vins_fusion/stereo_inertial.launch",
-        "vins_fusion/stereo_inertial.yaml",
-    ]
+        "a_loam.launch", "basalt.json", "extrinsics.yaml", "fast_lio.launch", "fast_lio.yaml",
+        "kalibr/camchain-imucam.yaml", "kalibr/imu.yaml", "kiss_icp.yaml", "lego_loam.launch",
+        "lego_loam.md", "lio_sam.yaml", "open_vins/estimator_config.yaml",
+        "open_vins/kalibr_imu_chain.yaml", "open_vins/kalibr_imucam_chain.yaml",
+        "open_vins/open_vins.launch", "orbslam3_stereo.yaml", "orbslam3_stereo_inertial.yaml",
+        "rko_lio.yaml", "s_msckf/camchain-imucam.yaml", "s_msckf/s_msckf.launch", "vins_fusion/cam0.yaml",
+        "vins_fusion/cam1.yaml", "vins_fusion/stereo.launch", "vins_fusion/stereo.yaml",
+        "vins_fusion/stereo_inertial.launch", "vins_fusion/stereo_inertial.yaml",
+    ]  # fmt: skip
 
 
 def test_a_point_seen_through_every_file(folder: Path) -> None:
@@ -134,11 +116,9 @@ def test_fast_lio_extrinsics_take_lidar_points_to_the_imu(folder: Path) -> None:
     assert settings["preprocess"]["scan_line"] == 32
     assert (settings["preprocess"]["scan_rate"], settings["preprocess"]["timestamp_unit"]) == (20, 0)
     assert settings["common"] == {
-        "lid_topic": "/lidar/points",
-        "imu_topic": "/imu/data",
-        "time_sync_en": False,
+        "lid_topic": "/lidar/points", "imu_topic": "/imu/data", "time_sync_en": False,
         "time_offset_lidar_to_imu": 0.0,
-    }
+    }  # fmt: skip
 
 
 def test_orbslam3_types_are_those_it_insists_on(folder: Path) -> None:
@@ -147,17 +127,10 @@ def test_orbslam3_types_are_those_it_insists_on(folder: Path) -> None:
         storage = opencv(folder / name)
         assert storage.getNode("File.version").string() == "1.0"
         assert storage.getNode("Camera.type").string() == "PinHole"
-        for key in (
-            "Camera.width",
-            "Camera.height",
-            "Camera.fps",
-            "Camera.RGB",
-            "ORBextractor.nFeatures",
-            "ORBextractor.nLevels",
-            "ORBextractor.iniThFAST",
-            "ORBextractor.minThFAST",
-        ):
+        for key in ("Camera.width", "Camera.height", "Camera.fps", "Camera.RGB"):
             assert storage.getNode(key).isInt(), key
+        for key in ("nFeatures", "nLevels", "iniThFAST", "minThFAST"):
+            assert storage.getNode(f"ORBextractor.{key}").isInt(), key
         for key in ("Camera1.fx", "Camera2.cy", "Camera1.k1", "Stereo.ThDepth", "ORBextractor.scaleFactor"):
             assert storage.getNode(key).isReal(), key
         for key in ("KeyFrameSize", "CameraSize", "ViewpointX", "ViewpointY", "ViewpointZ", "ViewpointF"):
@@ -175,17 +148,8 @@ def test_orbslam3_rectification_leaves_the_pictures_as_they_are(folder: Path) ->
     K = Pinhole().K
     T_c2_c1 = np.linalg.inv(storage.getNode("Stereo.T_c1_c2").mat().astype(np.float64))
     none = np.zeros(4)
-    R1, R2, P1, P2, *_ = cv2.stereoRectify(
-        K,
-        none,
-        K,
-        none,
-        (1280, 720),
-        T_c2_c1[:3, :3],
-        T_c2_c1[:3, 3:],
-        flags=cv2.CALIB_ZERO_DISPARITY,
-        alpha=-1,
-    )
+    R, t, flags = T_c2_c1[:3, :3], T_c2_c1[:3, 3:], cv2.CALIB_ZERO_DISPARITY
+    R1, R2, P1, P2, *_ = cv2.stereoRectify(K, none, K, none, (1280, 720), R, t, flags=flags, alpha=-1)
     assert np.allclose(R1, np.eye(3), atol=1e-6)
     assert np.allclose(R2, np.eye(3), atol=1e-6)
     assert np.allclose(P1[:, :3], K, atol=1.0)
@@ -211,13 +175,9 @@ def test_kalibr_values_are_numbers(folder: Path) -> None:
     """PyYAML reads 2e-05 as a text: such a file stops Kalibr."""
     imu = load(folder / "kalibr/imu.yaml")
     assert imu == {
-        "accelerometer_noise_density": 2e-3,
-        "accelerometer_random_walk": 3e-3,
-        "gyroscope_noise_density": 2e-4,
-        "gyroscope_random_walk": 2e-5,
-        "rostopic": "/imu/data",
-        "update_rate": 200.0,
-    }
+        "accelerometer_noise_density": 2e-3, "accelerometer_random_walk": 3e-3, "rostopic": "/imu/data",
+        "gyroscope_noise_density": 2e-4, "gyroscope_random_walk": 2e-5, "update_rate": 200.0,
+    }  # fmt: skip
     camera = load(folder / "kalibr/camchain-imucam.yaml")["cam0"]
     assert camera["intrinsics"] == [640.0, 640.0, 640.0, 360.0]
     assert camera["rostopic"] == "/camera/left/image_raw"
@@ -273,10 +233,8 @@ def test_rig_from_sensor_configurations() -> None:
         GnssConfig(mount=Mount(position_m=(0.7, 0.0, 1.5))),
     )
     found = RigCalibration.from_configs(configs)
-    assert [(c.stream, c.frame) for c in found.cameras] == [
-        ("rgb_left", "camera_left"),
-        ("rgb_right", "camera_right"),
-    ]
+    cameras = [(f"rgb_{side}", f"camera_{side}") for side in ("left", "right")]
+    assert [(c.stream, c.frame) for c in found.cameras] == cameras
     assert found.imu is not None
     assert found.imu.gyroscope_random_walk == 7e-5
     assert found.lidar is not None

@@ -8,9 +8,10 @@ import cv2
 import h5py
 import numpy as np
 import pytest
+from shared_fixtures.readings.bag_samples import batch_of, write_all
 
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.samples import EVENT, DepthImage, Events
+from carlaloc_env.samples import EVENT, DepthImage, Sample
 from carlaloc_env.sensors.camera.config import CameraConfig
 from recorder.dataset.layout import SequenceFolder
 from recorder.replaying.sequence_writers import outputs_of
@@ -29,8 +30,7 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )  # fmt: skip
     streams = tuple(f"{kind}_{side}" for side in ("left", "right") for kind in ("rgb", "depth", "events"))
     writers = [one.place(SequenceFolder(folder), {}) for one in outputs_of(config, streams)]
-    for writer in writers:
-        writer.open()
+    samples: list[Sample] = []
     for stamp in range(0, 10 * STEP_NS, STEP_NS):
         for side in ("left", "right"):
             rows = np.zeros(0 if stamp == 0 else 1000, EVENT)
@@ -39,19 +39,12 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 rows["x"], rows["y"], rows["p"] = np.arange(1000) % WIDTH, np.arange(1000) % HEIGHT, 1
             depth = np.full((HEIGHT, WIDTH), 12.5, np.float32)
             depth[:100] = 0.0
-            frame = f"camera_{side}"
-            samples = (
-                DepthImage(sensor=f"depth_{side}", frame_id=frame, stamp_ns=stamp, depth_m=depth),
-                Events(
-                    sensor=f"events_{side}", frame_id=frame, stamp_ns=stamp, events=rows, width_px=WIDTH,
-                    height_px=HEIGHT, period_ns=STEP_NS,
-                ),
-            )  # fmt: skip
-            for sample in samples:
-                for writer in writers:
-                    writer.write(sample)
+            picture = DepthImage(
+                sensor=f"depth_{side}", frame_id=f"camera_{side}", stamp_ns=stamp, depth_m=depth
+            )
+            samples += [picture, batch_of(rows, stamp, (WIDTH, HEIGHT), STEP_NS, side)]
     for writer in writers:
-        writer.close()
+        write_all(writer, samples)
     return folder / "dsec"
 
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from shared_fixtures.readings.bag_samples import imu, truth
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry import transforms
@@ -25,6 +26,7 @@ from recorder.writers.rig_calibration import CameraCalibration, ImuCalibration, 
 
 T_BASE_IMU = Mount(position_m=(1.5, 0.1, 1.05), axes="paper_imu").T_base_sensor
 T_BASE_LEFT = Mount(position_m=(1.8, 0.2, 1.4), axes="optical").T_base_sensor
+T_BASE_RIGHT = Mount(position_m=(1.8, -0.2, 1.4), axes="optical").T_base_sensor
 STAMPS = np.arange(0, 400_000_000, 5_000_000)
 
 
@@ -32,11 +34,7 @@ def rig() -> RigCalibration:
     return RigCalibration.of(
         cameras=[
             CameraCalibration(name="left", T_base_camera=T_BASE_LEFT, pinhole=Pinhole()),
-            CameraCalibration(
-                name="right",
-                T_base_camera=Mount(position_m=(1.8, -0.2, 1.4), axes="optical").T_base_sensor,
-                pinhole=Pinhole(),
-            ),
+            CameraCalibration(name="right", T_base_camera=T_BASE_RIGHT, pinhole=Pinhole()),
         ],
         imu=ImuCalibration(T_base_imu=T_BASE_IMU),
     )
@@ -51,15 +49,8 @@ def timeline() -> Timeline:
 
 
 def odometry(motion: Motion, k: int, frame_id: str) -> Odometry:
-    return Odometry(
-        sensor="truth",
-        frame_id=frame_id,
-        stamp_ns=int(motion.stamp_ns[k]),
-        position_m=motion.position_m[k],
-        quat_xyzw=motion.quat_xyzw[k],
-        velocity_world_mps=motion.velocity_world_mps[k],
-        angular_rate_radps=motion.omega_body_radps[k],
-    )
+    velocity, rate = motion.velocity_world_mps[k], motion.omega_body_radps[k]
+    return truth(int(motion.stamp_ns[k]), motion.position_m[k], motion.quat_xyzw[k], frame_id, velocity, rate)
 
 
 def write(path: Path, truth_frame: str, *, colour: bool = False) -> tuple[Motion, list[Image], list[Imu]]:
@@ -69,23 +60,14 @@ def write(path: Path, truth_frame: str, *, colour: bool = False) -> tuple[Motion
     images, inertial = [], []
     with EurocWriter(path, EurocEncoder(rig(), colour=colour)) as writer:
         for k, stamp in enumerate(STAMPS.tolist()):
-            inertial.append(
-                Imu(
-                    sensor="imu",
-                    frame_id="imu",
-                    stamp_ns=stamp,
-                    specific_force_mps2=rng.normal(size=3),
-                    angular_rate_radps=rng.normal(size=3),
-                )
-            )
+            inertial.append(imu(stamp, rng.normal(size=3), rng.normal(size=3)))
             writer.write(inertial[-1])
             writer.write(odometry(given, k, truth_frame))
             if stamp % 50_000_000 == 0:
                 for side in ("left", "right"):
                     rgb = rng.integers(0, 256, (72, 128, 3), dtype=np.uint8)
-                    images.append(
-                        Image(sensor=f"rgb_{side}", frame_id=f"camera_{side}", stamp_ns=stamp, rgb=rgb)
-                    )
+                    name, frame = f"rgb_{side}", f"camera_{side}"
+                    images.append(Image(sensor=name, frame_id=frame, stamp_ns=stamp, rgb=rgb))
                     writer.write(images[-1])
         assert not path.exists()
     return motion.at_mount(T_BASE_IMU), images, inertial
@@ -140,9 +122,9 @@ def test_sensor_yaml(tmp_path: Path) -> None:
     assert np.allclose(T_BASE_IMU @ T_BS, T_BASE_LEFT, atol=1e-14)
     assert camera["intrinsics"] == [640.0, 640.0, 640.0, 360.0]
     assert camera["resolution"] == [1280, 720]
-    imu = yaml.safe_load((tmp_path / "mav0/imu0/sensor.yaml").read_text())
-    assert imu["gyroscope_random_walk"] == 2e-5
-    assert np.array_equal(np.array(imu["T_BS"]["data"]).reshape(4, 4), np.eye(4))
+    inertial = yaml.safe_load((tmp_path / "mav0/imu0/sensor.yaml").read_text())
+    assert inertial["gyroscope_random_walk"] == 2e-5
+    assert np.array_equal(np.array(inertial["T_BS"]["data"]).reshape(4, 4), np.eye(4))
 
 
 def test_euroc_refusals(tmp_path: Path) -> None:

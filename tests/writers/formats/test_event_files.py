@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores
+from shared_fixtures.readings.bag_samples import batch_of, write_all
 
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, Events
@@ -33,15 +34,7 @@ def batch(number: int, count: int) -> Events:
     events["t"] = begin + 1000 * np.sort(generator.integers(1, 50_001, count))
     events["x"], events["y"] = generator.integers(0, 1280, count), generator.integers(0, 720, count)
     events["p"] = generator.integers(0, 2, count)
-    return Events(
-        sensor="events_left",
-        frame_id="camera_left",
-        stamp_ns=number * PERIOD_NS,
-        events=events,
-        width_px=1280,
-        height_px=720,
-        period_ns=PERIOD_NS,
-    )
+    return batch_of(events, number * PERIOD_NS)
 
 
 BATCHES = [batch(0, 0), batch(1, 5000), batch(2, 0), batch(3, 3001), batch(4, 17)]
@@ -50,22 +43,15 @@ ALL = np.concatenate([one.events for one in BATCHES])
 
 def write(folder: Path, compression: str = "gzip") -> Path:
     path = folder / "events_left.h5"
-    with DsecWriter(path, DsecEncoder("events_left"), compression=compression) as writer:
-        for one in BATCHES:
-            writer.write(one)
-    return path
+    return write_all(DsecWriter(path, DsecEncoder("events_left"), compression=compression), BATCHES)
 
 
 @pytest.mark.parametrize("compression", ["gzip", "lzf"])
 def test_dsec_file_holds_every_event(tmp_path: Path, compression: str) -> None:
     with h5py.File(write(tmp_path, compression)) as file:
         events = file["events"]
-        assert {name: events[name].dtype.str for name in events} == {
-            "p": "|u1",
-            "t": "<u4",
-            "x": "<u2",
-            "y": "<u2",
-        }
+        kinds = {name: events[name].dtype.str for name in events}
+        assert kinds == {"p": "|u1", "t": "<u4", "x": "<u2", "y": "<u2"}
         t_ns = (events["t"][:].astype(np.int64) + file["t_offset"][()]) * 1000 - DEFAULT_EPOCH_NS
         np.testing.assert_array_equal(t_ns, ALL["t"])
         for name in "xyp":
@@ -89,10 +75,8 @@ def test_dsec_files_are_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_bag_holds_dvs_msgs_event_arrays(tmp_path: Path) -> None:
-    path = tmp_path / "e.bag"
-    with Rosbag1Writer(path, Ros1Encoder(RigCalibration(), profile="full")) as writer:
-        for one in BATCHES:
-            writer.write(one)
+    writer = Rosbag1Writer(tmp_path / "e.bag", Ros1Encoder(RigCalibration(), profile="full"))
+    path = write_all(writer, BATCHES)
     with AnyReader([path]) as reader:
         (connection,) = (c for c in reader.connections if c.topic == "/camera/left/events")
         assert connection.msgtype == "dvs_msgs/msg/EventArray"

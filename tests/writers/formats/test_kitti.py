@@ -7,11 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from shared_fixtures.readings.bag_samples import PINHOLE, rig
+from shared_fixtures.readings.bag_samples import PINHOLE, cloud_of, rig, truth, write_all
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry import transforms
-from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
+from carlaloc_env.samples import Image, ObjectList, Sample
 from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
 from recorder.writers.formats.kitti_labels import semantic_kitti_labels
@@ -51,7 +51,6 @@ def drive(calibration: RigCalibration, sweeps: int = 5) -> list[Sample]:
                 )
                 for offset, point in zip(offsets, WORLD_POINTS, strict=True)
             ]
-            count = len(seen)
             objects = ObjectList(
                 sensor="objects", frame_id="world", stamp_ns=stamp,
                 id=np.array([70_000, 5], np.uint32), tag=np.array([Tag.CAR, Tag.CAR], np.uint8),
@@ -60,39 +59,21 @@ def drive(calibration: RigCalibration, sweeps: int = 5) -> list[Sample]:
                 velocity_mps=np.array([[0.3, 0.4, 0.1], [0.0, 0.4, 0.0]]), yaw_rate_radps=np.zeros(2),
                 visible=np.ones(2), distance_m=np.ones(2),
             )  # fmt: skip
-            cloud = PointCloud(
-                sensor="lidar_semantic", frame_id="lidar", stamp_ns=stamp,
-                points_xyz_m=np.array(seen, np.float32), intensity=np.full(count, 51.0, np.float32),
-                ring=np.zeros(count, np.uint16), offset_ns=offsets, sweep_ns=SWEEP_NS,
-                tag=np.full(count, Tag.CAR, np.uint8),
-                instance=np.where(np.arange(count) % 2, 70_000, 5).astype(np.uint32),
-                cos_incidence=np.ones(count, np.float32),
+            cloud = cloud_of(
+                np.array(seen), stamp, sweep_ns=SWEEP_NS, intensity=51.0, offset_ns=offsets, tag=Tag.CAR,
+                instance=np.where(np.arange(len(seen)) % 2, 70_000, 5), cos_incidence=1.0,
             )  # fmt: skip
             rgb = np.full((24, 32, 3), [stamp // SWEEP_NS, 2, 3], np.uint8)
             image = Image(sensor="rgb_left", frame_id="camera_left", stamp_ns=stamp, rgb=rgb)
             samples += [objects, cloud, image]
-        position, quat = pose(stamp)
-        samples.append(
-            Odometry(
-                sensor="truth",
-                frame_id="base_link",
-                stamp_ns=stamp,
-                position_m=position,
-                quat_xyzw=quat,
-                velocity_world_mps=np.zeros(3),
-                angular_rate_radps=np.zeros(3),
-            )
-        )
+        samples.append(truth(stamp, *pose(stamp)))
     return samples
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("kitti") / "00"
-    with KittiWriter(path, KittiEncoder(rig())) as writer:
-        for sample in drive(rig()):
-            writer.write(sample)
-    return path
+    return write_all(KittiWriter(path, KittiEncoder(rig())), drive(rig()))
 
 
 def calib(folder: Path) -> dict[str, np.ndarray]:
@@ -105,10 +86,8 @@ def square(T: np.ndarray) -> np.ndarray:
 
 
 def test_frames_are_numbered_and_equally_many(folder: Path) -> None:
-    names = [f"{k:06d}" for k in range(5)]
-    assert sorted(path.stem for path in (folder / "velodyne").iterdir()) == names
-    assert sorted(path.stem for path in (folder / "labels").iterdir()) == names
-    assert sorted(path.stem for path in (folder / "image_2").iterdir()) == names
+    for part in ("velodyne", "labels", "image_2"):
+        assert sorted(path.stem for path in (folder / part).iterdir()) == [f"{k:06d}" for k in range(5)]
     times = [float(line) for line in (folder / "times.txt").read_text().split()]
     assert times == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
     image = cv2.imread(str(folder / "image_2" / "000003.png"))
@@ -141,11 +120,8 @@ def test_points_of_all_frames_lie_on_one_another(folder: Path) -> None:
 def test_projection_into_the_right_camera(folder: Path) -> None:
     matrices = calib(folder)
     left, right = matrices["P2"], matrices["P3"]
-    assert left[:, :3].tolist() == [
-        [PINHOLE.fx_px, 0, PINHOLE.cx_px],
-        [0, PINHOLE.fy_px, PINHOLE.cy_px],
-        [0, 0, 1],
-    ]
+    p = PINHOLE
+    assert left[:, :3].tolist() == [[p.fx_px, 0, p.cx_px], [0, p.fy_px, p.cy_px], [0, 0, 1]]
     # KITTI's fourth column of a camera to the right: −fx · baseline.
     assert right[0, 3] == pytest.approx(-PINHOLE.fx_px * 0.4)
 
@@ -159,40 +135,12 @@ def test_labels_tell_what_moves(folder: Path) -> None:
 
 def test_every_tag_has_a_label_of_the_benchmark() -> None:
     known = {
-        0,
-        1,
-        10,
-        11,
-        13,
-        15,
-        16,
-        18,
-        20,
-        30,
-        31,
-        32,
-        40,
-        44,
-        48,
-        49,
-        50,
-        51,
-        52,
-        60,
-        70,
-        71,
-        72,
-        80,
-        81,
-        99,
-    }
+        0, 1, 10, 11, 13, 15, 16, 18, 20, 30, 31, 32, 40, 44, 48, 49, 50, 51, 52, 60, 70, 71, 72, 80, 81, 99,
+    }  # fmt: skip
     tags = np.array(list(Tag), np.uint8)
     labels = semantic_kitti_labels(tags, np.zeros(len(tags), np.uint32), np.zeros(0, np.uint32))
     assert set((labels & 0xFFFF).tolist()) <= known
-    assert {Tag(tag) for tag, label in zip(tags.tolist(), labels.tolist(), strict=True) if label == 0} == {
-        Tag.UNLABELED,
-        Tag.SKY,
-    }
+    assert set(tags[labels == 0].tolist()) == {Tag.UNLABELED, Tag.SKY}
 
 
 def test_rig_without_lidar_is_refused(tmp_path: Path) -> None:

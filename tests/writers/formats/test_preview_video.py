@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -12,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shared_fixtures.readings.bag_samples import cloud_of, write_all
 
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
@@ -55,9 +57,7 @@ def _still(path: Path) -> NDArray[np.uint8]:
 
 def test_film_is_h264_with_every_image(tmp_path: Path) -> None:
     images = [_image(number) for number in range(COUNT)]
-    with PreviewWriter(tmp_path / "preview.mp4", PreviewEncoder(COLOUR), rate_hz=RATE_HZ) as writer:
-        for image in images:
-            writer.write(image)
+    write_all(PreviewWriter(tmp_path / "preview.mp4", PreviewEncoder(COLOUR), rate_hz=RATE_HZ), images)
     with av.open(str(tmp_path / "preview.mp4")) as container:
         stream = container.streams.video[0]
         assert stream.codec_context.name == "h264"
@@ -93,16 +93,11 @@ def _sample(stream: str, number: int) -> Image | DepthImage | SemanticImage | Po
         return SemanticImage(
             sensor=stream, frame_id=stream, stamp_ns=stamp_ns, tag=tag, instance=instance
         )  # fmt: skip
-    labelled = stream.endswith("_semantic")
-    return PointCloud(
-        sensor=stream, frame_id=stream, stamp_ns=stamp_ns, sweep_ns=50_000_000,
-        points_xyz_m=rng.uniform(-20.0, 20.0, (3000, 3)).astype(np.float32),
-        intensity=np.ones(3000, np.float32), ring=np.zeros(3000, np.uint16),
-        offset_ns=np.zeros(3000, np.uint32),
-        tag=np.full(3000, 12, np.uint8) if labelled else None,
-        instance=np.ones(3000, np.uint32) if labelled else None,
-        cos_incidence=np.ones(3000, np.float32) if labelled else None,
+    cloud = cloud_of(
+        rng.uniform(-20.0, 20.0, (3000, 3)), stamp_ns, stream.endswith("_semantic"), intensity=1.0, tag=12,
+        instance=1, cos_incidence=1.0,
     )  # fmt: skip
+    return replace(cloud, sensor=stream, frame_id=stream)
 
 
 @pytest.mark.parametrize("kind", RIGS)
@@ -117,10 +112,7 @@ def test_each_sensor_of_the_rig_has_a_panel_and_none_else(tmp_path: Path, kind: 
     # Without the caption, which would cover a part of the panels.
     writer = PreviewWriter(SequenceFolder(tmp_path / "data").film, output.encoder, rate_hz=RATE_HZ)
     instants = [{stream: _sample(stream, number) for stream in streams} for number in range(3)]
-    with writer:
-        for samples in instants:
-            for sample in samples.values():
-                writer.write(sample)
+    write_all(writer, (sample for samples in instants for sample in samples.values()))
     with av.open(str(tmp_path / "data" / "preview.mp4")) as container:
         frames = [_rgb(frame) for frame in container.decode(video=0)]
     assert len(frames) == len(instants)
@@ -140,13 +132,8 @@ def test_a_full_mosaic_is_a_square_of_its_panels(tmp_path: Path) -> None:
     """Colour and depth above, semantics and LiDAR below, as in all films of full rigs."""
     _, streams, _, _ = RIGS["full"]
     samples = {stream: _sample(stream, 0) for stream in streams}
-    with PreviewWriter(
-        tmp_path / "a.mp4",
-        PreviewEncoder(shown_streams(streams, camera="left", lidar="lidar")),
-        rate_hz=RATE_HZ,
-    ) as writer:
-        for sample in samples.values():
-            writer.write(sample)
+    encoder = PreviewEncoder(shown_streams(streams, camera="left", lidar="lidar"))
+    write_all(PreviewWriter(tmp_path / "a.mp4", encoder, rate_hz=RATE_HZ), samples.values())
     rgb, depth, semantic, cloud = (panel_of(samples[name]) for name in (*PICTURES[:3], CLOUDS[1]))
     still = _still(tmp_path / "a.png")
     np.testing.assert_array_equal(still[:360], np.concatenate([rgb, depth], axis=1))
@@ -161,9 +148,8 @@ def test_other_cameras_do_not_mix_in() -> None:
 
 @pytest.mark.skipif(shutil.which("ffprobe") is None, reason="needs FFmpeg's ffprobe")
 def test_ffprobe_counts_the_same(tmp_path: Path) -> None:
-    with PreviewWriter(tmp_path / "preview.mp4", PreviewEncoder(COLOUR), rate_hz=RATE_HZ) as writer:
-        for number in range(COUNT):
-            writer.write(_image(number))
+    writer = PreviewWriter(tmp_path / "preview.mp4", PreviewEncoder(COLOUR), rate_hz=RATE_HZ)
+    write_all(writer, map(_image, range(COUNT)))
     asked = "stream=codec_name,pix_fmt,nb_read_frames,r_frame_rate:format=duration"
     done = subprocess.run(
         ["ffprobe", "-v", "error", "-count_frames", "-show_entries", asked, "-of", "json",

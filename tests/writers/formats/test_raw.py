@@ -8,9 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from shared_fixtures.readings.bag_samples import drive
+from shared_fixtures.readings.bag_samples import batch_of, drive, write_all
 
-from carlaloc_env.samples import EVENT, DepthImage, Events, GnssFix, Image, Imu, PointCloud, SemanticImage
+from carlaloc_env.samples import EVENT, DepthImage, GnssFix, Image, Imu, PointCloud, SemanticImage
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.formats.raw import RawEncoder, RawWriter
 
@@ -20,10 +20,7 @@ SAMPLES = drive()
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("raw") / "raw"
-    with RawWriter(path, RawEncoder()) as writer:
-        for sample in SAMPLES:
-            writer.write(sample)
-    return path
+    return write_all(RawWriter(path, RawEncoder()), SAMPLES)
 
 
 def of(kind: type) -> list[Any]:
@@ -74,20 +71,14 @@ def test_tables(folder: Path) -> None:
 def test_events(tmp_path: Path) -> None:
     rows = np.zeros(3, EVENT)
     rows["t"], rows["x"] = (1, 2, 3), (4, 5, 6)
-    sample = Events(
-        sensor="events_left", frame_id="camera_left", stamp_ns=10, events=rows, width_px=9, height_px=8,
-        period_ns=10,
-    )  # fmt: skip
-    with RawWriter(tmp_path / "raw", RawEncoder()) as writer:
-        writer.write(sample)
+    sample = batch_of(rows, 10, (9, 8), 10)
+    write_all(RawWriter(tmp_path / "raw", RawEncoder()), [sample])
     found = np.load(path_of(tmp_path / "raw", sample, ".npz"))
     assert np.array_equal(found["events"], rows)
     assert (int(found["width_px"]), int(found["period_ns"])) == (9, 10)
 
 
 def test_the_same_samples_give_the_same_bytes(folder: Path, tmp_path: Path) -> None:
-    with RawWriter(tmp_path / "raw", RawEncoder()) as writer:
-        for sample in SAMPLES:
-            writer.write(sample)
+    write_all(RawWriter(tmp_path / "raw", RawEncoder()), SAMPLES)
     for path in sorted(folder.rglob("*.*")):
         assert path.read_bytes() == (tmp_path / "raw" / path.relative_to(folder)).read_bytes()

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from shared_fixtures.readings.bag_samples import read
+from shared_fixtures.readings.bag_samples import cloud_of, read, write_all
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry.camera_model import Pinhole
@@ -58,18 +58,10 @@ def cloud(stamp_ns: int, count: int = 20_000) -> PointCloud:
     azimuth, lift = 2 * np.pi * column / (count / 32), np.radians(-30 + 40 * ring / 31)
     distance = 65 + 55 * np.sin(7 * azimuth) + rng.normal(0, 0.02, count)
     unit = np.stack([np.cos(lift) * np.cos(azimuth), np.cos(lift) * np.sin(azimuth), np.sin(lift)], axis=1)
-    return PointCloud(
-        sensor="lidar_semantic",
-        frame_id="lidar",
-        stamp_ns=stamp_ns,
-        points_xyz_m=(unit * distance[:, None]).astype(np.float32),
-        intensity=rng.uniform(0, 255, count).astype(np.float32),
-        ring=ring.astype(np.uint16),
-        offset_ns=(column * 80_000).astype(np.uint32),
-        sweep_ns=50_000_000,
-        tag=(ring % 29).astype(np.uint8),
-        instance=(ring * 70_000).astype(np.uint32),
-    )
+    return cloud_of(
+        unit * distance[:, None], stamp_ns, intensity=rng.uniform(0, 255, count), ring=ring,
+        offset_ns=column * 80_000, tag=ring % 29, instance=ring * 70_000,
+    )  # fmt: skip
 
 
 def drive() -> Iterator[Sample]:
@@ -94,10 +86,7 @@ def messages(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
         if request.param == "rosbag1"
         else Rosbag2Writer(folder / "a", Ros2Encoder(RIG, profile="compact_full", streams=streams))
     )
-    with writer:
-        for sample in drive():
-            writer.write(sample)
-    return read(writer.target)[1]
+    return read(write_all(writer, drive()))[1]
 
 
 def test_each_message_of_the_video_is_one_picture(messages: Any) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_fixtures.readings.bag_samples import drive, rig
+from shared_fixtures.readings.bag_samples import drive, rig, write_all
 
 from carlaloc_env.samples import Imu, PointCloud
 from recorder.writers.base import DEFAULT_EPOCH_NS
@@ -27,9 +27,7 @@ def loader(request: pytest.FixtureRequest, tmp_path: Path) -> Any:
         writer: Any = Rosbag1Writer(tmp_path / "bags" / "drive.bag", Ros1Encoder(rig(), streams=streams))
     else:
         writer = Rosbag2Writer(tmp_path / "bags", Ros2Encoder(rig(), streams=streams))
-    with writer:
-        for sample in drive():
-            writer.write(sample)
+    write_all(writer, drive())
     return rosbag.RosbagDataLoader(tmp_path / "bags", None, None, None, None, None, TimestampConfig())
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 import yaml
-from shared_fixtures.readings.bag_samples import drive, read, rig
+from shared_fixtures.readings.bag_samples import drive, read, rig, write_all
 
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
@@ -33,13 +33,9 @@ print(counts["points"], counts["imu"])
 
 @pytest.fixture(scope="module", params=["none", "lz4", "bz2"])
 def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    encoder = Ros1Encoder(rig(), streams={sample.sensor for sample in drive()})
     path = tmp_path_factory.mktemp("bags") / "a.bag"
-    samples = drive()
-    streams = {sample.sensor for sample in samples}
-    with Rosbag1Writer(path, Ros1Encoder(rig(), streams=streams), compression=request.param) as writer:
-        for sample in samples:
-            writer.write(sample)
-    return path
+    return write_all(Rosbag1Writer(path, encoder, compression=request.param), drive())
 
 
 @pytest.fixture(scope="module")

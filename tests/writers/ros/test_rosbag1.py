@@ -7,14 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.readings.bag_samples import cloud, drive, read, rig
+from shared_fixtures.readings.bag_samples import cloud, drive, read, rig, write_all
 
 from carlaloc_env.core.geometry import transforms as geometry
-from carlaloc_env.samples import (
-    DepthImage,
-    Image,
-    Imu,
-)
+from carlaloc_env.samples import DepthImage, Image, Imu
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
@@ -36,13 +32,8 @@ OFFICIAL_MD5 = {
 @pytest.fixture(scope="module")
 def standard(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("bags") / "standard.bag"
-    samples = drive()
-    with Rosbag1Writer(
-        path, Ros1Encoder(rig(), streams={s.sensor for s in samples}), compression="lz4"
-    ) as writer:
-        for sample in samples:
-            writer.write(sample)
-        assert not path.exists()
+    encoder = Ros1Encoder(rig(), streams={sample.sensor for sample in drive()})
+    write_all(Rosbag1Writer(path, encoder, compression="lz4"), drive())
     assert [p.name for p in path.parent.iterdir()] == ["standard.bag"]
     return path
 
@@ -122,15 +113,9 @@ def test_cloud_layout_is_velodynes(standard: Path) -> None:
     message = messages["/lidar/points"][1][1]
     layout = [(f.name, f.offset, f.datatype) for f in message.fields]
     assert layout == [
-        ("x", 0, 7),
-        ("y", 4, 7),
-        ("z", 8, 7),
-        ("intensity", 12, 7),
-        ("ring", 16, 4),
-        ("time", 18, 7),
-        ("label", 22, 2),
-        ("id", 23, 6),
-    ]
+        ("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("intensity", 12, 7), ("ring", 16, 4), ("time", 18, 7),
+        ("label", 22, 2), ("id", 23, 6),
+    ]  # fmt: skip
     assert (message.point_step, message.height, message.width, message.row_step) == (27, 1, 50, 1350)
     assert message.is_dense is True
     raw = message.data.tobytes()

@@ -8,21 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.readings.bag_samples import cloud, drive, read, rig
+from shared_fixtures.readings.bag_samples import cloud, drive, read, rig, write_all
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.samples import (
-    Image,
-)
+from carlaloc_env.samples import Image
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
 
 def test_paper_profile(tmp_path: Path) -> None:
     samples = drive()
-    with Rosbag1Writer(tmp_path / "p.bag", Ros1Encoder(rig(), profile="paper")) as writer:
-        for sample in samples:
-            writer.write(sample)
-    types, messages = read(tmp_path / "p.bag")
+    writer = Rosbag1Writer(tmp_path / "p.bag", Ros1Encoder(rig(), profile="paper"))
+    types, messages = read(write_all(writer, samples))
     frames = {topic: entries[0][1].header.frame_id for topic, entries in messages.items()}
     assert frames == {"/imu": "imu", "/cam0_raw": "cam_left", "/cam1_raw": "cam_right", "/velodyne": "laser"}
     image = messages["/cam0_raw"][0][1]
@@ -36,9 +32,8 @@ def test_paper_profile(tmp_path: Path) -> None:
 
 
 def test_plain_cloud_alone_is_written(tmp_path: Path) -> None:
-    with Rosbag1Writer(tmp_path / "a.bag", Ros1Encoder(rig(), streams={"lidar"})) as writer:
-        writer.write(cloud(0, False))
-    _, messages = read(tmp_path / "a.bag")
+    writer = Rosbag1Writer(tmp_path / "a.bag", Ros1Encoder(rig(), streams={"lidar"}))
+    _, messages = read(write_all(writer, [cloud(0, False)]))
     assert messages["/lidar/points"][0][1].point_step == 22
 
 
@@ -66,13 +61,8 @@ def test_ros_own_reader_agrees(tmp_path: Path, compression: str) -> None:
     needed = "import rosbag, sensor_msgs.point_cloud2, nav_msgs.msg, tf2_msgs.msg, rosgraph_msgs.msg"
     if not Path(python).exists() or subprocess.run([python, "-c", needed], capture_output=True).returncode:
         pytest.skip("needs Debian's python3-rosbag with its message packages")
-    samples = drive()
-    path = tmp_path / "a.bag"
-    with Rosbag1Writer(
-        path, Ros1Encoder(rig(), streams={s.sensor for s in samples}), compression=compression
-    ) as writer:
-        for sample in samples:
-            writer.write(sample)
+    encoder = Ros1Encoder(rig(), streams={sample.sensor for sample in drive()})
+    path = write_all(Rosbag1Writer(tmp_path / "a.bag", encoder, compression=compression), drive())
     done = subprocess.run([python, "-c", _ROS, str(path)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     counts, times, points = json.loads(done.stdout)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
-from shared_fixtures.readings.bag_samples import drive, read, rig
+from shared_fixtures.readings.bag_samples import batch_of, drive, read, rig, write_all
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.samples import EVENT, Events
+from carlaloc_env.samples import EVENT
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
@@ -23,13 +23,8 @@ ABOUT = {"conditions": "weather: FoggyNoon\n", "calibration/extrinsics.yaml": "f
 
 
 def write(path: Path, storage: str) -> Path:
-    samples = drive()
-    streams = {sample.sensor for sample in samples}
-    with Rosbag2Writer(path, Ros2Encoder(rig(), streams=streams), storage=storage, about=ABOUT) as writer:
-        for sample in samples:
-            writer.write(sample)
-        assert not path.exists()
-    return path
+    encoder = Ros2Encoder(rig(), streams={sample.sensor for sample in drive()})
+    return write_all(Rosbag2Writer(path, encoder, storage=storage, about=ABOUT), drive())
 
 
 @pytest.fixture(scope="module", params=["mcap", "sqlite3"])
@@ -56,13 +51,9 @@ def plain(message: Any) -> Any:
 
 
 def test_messages_are_those_of_the_ros1_bag(bag: Path, tmp_path: Path) -> None:
-    samples = drive()
-    with Rosbag1Writer(
-        tmp_path / "one.bag", Ros1Encoder(rig(), streams={s.sensor for s in samples})
-    ) as writer:
-        for sample in samples:
-            writer.write(sample)
-    (types1, messages1), (types2, messages2) = read(tmp_path / "one.bag"), read(bag)
+    encoder = Ros1Encoder(rig(), streams={sample.sensor for sample in drive()})
+    one = write_all(Rosbag1Writer(tmp_path / "one.bag", encoder), drive())
+    (types1, messages1), (types2, messages2) = read(one), read(bag)
     assert {topic: kind for topic, (kind, _) in types1.items()} == {t: k for t, (k, _) in types2.items()}
     for topic, rows in messages1.items():
         assert [at for at, _ in rows] == [at for at, _ in messages2[topic]], topic
@@ -122,18 +113,9 @@ def test_same_bytes_again(mcap: Path, tmp_path: Path) -> None:
 def test_events_survive(tmp_path: Path) -> None:
     events = np.zeros(5, EVENT)
     events["t"], events["x"], events["y"], events["p"] = np.arange(5) * 1000, np.arange(5), 7, [0, 1, 0, 1, 1]
-    sample = Events(
-        sensor="events_left",
-        frame_id="camera_left",
-        stamp_ns=10_000,
-        events=events,
-        width_px=32,
-        height_px=24,
-        period_ns=10_000,
-    )
-    with Rosbag2Writer(tmp_path / "events", Ros2Encoder(rig(), profile="full")) as writer:
-        writer.write(sample)
-    _, messages = read(tmp_path / "events")
+    sample = batch_of(events, 10_000, (32, 24), 10_000)
+    writer = Rosbag2Writer(tmp_path / "events", Ros2Encoder(rig(), profile="full"))
+    _, messages = read(write_all(writer, [sample]))
     ((_, message),) = messages["/camera/left/events"]
     assert [(e.x, e.y, e.polarity) for e in message.events] == [
         (int(row["x"]), int(row["y"]), bool(row["p"])) for row in events

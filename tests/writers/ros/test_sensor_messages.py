@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from rosbags.typesys import Stores
+from shared_fixtures.readings.bag_samples import imu, truth
 
-from carlaloc_env.samples import (
-    CanState,
-    GnssFix,
-    Imu,
-    ObjectList,
-    Odometry,
-    RadarScan,
-    Sample,
-    SemanticImage,
-    WheelTicks,
-)
+from carlaloc_env.samples import CanState, GnssFix, ObjectList, RadarScan, Sample, SemanticImage, WheelTicks
 from recorder.writers.can_bus import FRAMES, dbc
 from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
@@ -155,14 +147,8 @@ def test_can_frames_decode_by_their_dbc(store: Stores) -> None:
 @pytest.mark.parametrize("store", STORES, ids=str)
 def test_imu_orientation_is_marked(store: Stores) -> None:
     """No estimate: covariance[0] = −1; an attitude comes with its variance."""
-    head: dict[str, Any] = {"sensor": "imu", "frame_id": "imu", "stamp_ns": 0}
-    plain = Imu(**head, specific_force_mps2=np.zeros(3), angular_rate_radps=np.zeros(3))
-    assert round_trip(store, "imu", plain).orientation_covariance[0] == -1.0
-    quat = np.array([0.0, 0.6, 0.0, 0.8])
-    full = Imu(
-        **head, specific_force_mps2=np.zeros(3), angular_rate_radps=np.zeros(3), quat_xyzw=quat,
-        orientation_noise_rad=0.1,
-    )  # fmt: skip
+    assert round_trip(store, "imu", imu()).orientation_covariance[0] == -1.0
+    full = replace(imu(), quat_xyzw=np.array([0.0, 0.6, 0.0, 0.8]), orientation_noise_rad=0.1)
     message = round_trip(store, "imu", full)
     assert message.orientation_covariance == pytest.approx(np.eye(3).reshape(-1) * 0.01)
     assert (message.orientation.y, message.orientation.w) == (0.6, 0.8)
@@ -215,12 +201,13 @@ def test_objects_as_carlas_bridge_writes_them(store: Stores) -> None:
 @pytest.mark.parametrize("store", STORES, ids=str)
 def test_acceleration_is_in_the_frames_own_axes(store: Stores) -> None:
     """Facing north, an acceleration to the north is ahead."""
-    truth = Odometry(
-        sensor="truth", frame_id="base_link", stamp_ns=0, position_m=np.zeros(3),
-        quat_xyzw=np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]), velocity_world_mps=np.zeros(3),
-        angular_rate_radps=np.zeros(3), acceleration_world_mps2=np.array([0.0, 2.0, 0.0]),
-    )  # fmt: skip
-    linear = round_trip(store, "acceleration", truth).accel.linear
+    motion = truth(
+        0,
+        (0, 0, 0),
+        (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)),
+        acceleration_world_mps2=np.array([0.0, 2.0, 0.0]),
+    )
+    linear = round_trip(store, "acceleration", motion).accel.linear
     assert (linear.x, linear.y, linear.z) == pytest.approx((2.0, 0.0, 0.0), abs=1e-12)
 
 
