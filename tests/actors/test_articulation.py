@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.actors.instances import place_actors, place_ego, place_lights
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
@@ -35,22 +36,10 @@ def model(library: ModelLibrary, name: str) -> Mesh:
 
 def actors(*names: str) -> tuple[ActorCatalog, ActorFrame]:
     """Some actors who stand at the origin."""
-    count = len(names)
     families = [VEHICLES.get(name) for name in names]
-    catalog = ActorCatalog(
-        id=np.arange(count, dtype=np.uint32) + EGO_INSTANCE + 1,
-        model=names,
-        tag=np.array([Tag.PEDESTRIAN if f is None else f.tag for f in families], np.uint8),
-        size_m=np.ones((count, 3), np.float32),
-        tint=np.full((count, 3), 255, np.uint8),
-    )
+    tags = [Tag.PEDESTRIAN if f is None else f.tag for f in families]
     assert all(f is not None or name in WALKERS for f, name in zip(families, names, strict=True))
-    zero = np.zeros(count, np.float32)
-    frame = ActorFrame(
-        position_m=np.zeros((count, 3), np.float32), heading_rad=zero, pitch_rad=zero, speed_mps=zero,
-        travelled_m=zero, steer_rad=zero, lights=np.zeros(count, np.uint8),
-    )  # fmt: skip
-    return catalog, frame
+    return Scenery.catalog(names, tags), Scenery.frame(np.zeros((len(names), 3)))
 
 
 def test_reversing_lamps_are_lit_backwards(library: ModelLibrary) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.assets.model_library import build_library
@@ -13,7 +14,7 @@ from carlaloc_env.core.geometry.transforms import from_rotation
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.snapshot import Snapshot
-from carlaloc_env.timeline.timeline import LIGHT_BRAKE, ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import LIGHT_BRAKE
 
 ACTOR = EGO_INSTANCE + 7
 
@@ -25,18 +26,8 @@ def library() -> ModelLibrary:
 
 def instant() -> tuple[Snapshot, SignalLenses]:
     """The ego brakes; a saloon 10 m before it brakes too; one of two lenses is lit."""
-    zero = np.zeros(1, np.float32)
-    catalog = ActorCatalog(
-        id=np.array([ACTOR], np.uint32),
-        model=("saloon",),
-        tag=np.array([14], np.uint8),
-        size_m=np.ones((1, 3), np.float32),
-        tint=np.full((1, 3), 90, np.uint8),
-    )
-    actors = ActorFrame(
-        position_m=np.array([[110.0, 50.0, 0.0]], np.float32), heading_rad=zero, pitch_rad=zero,
-        speed_mps=zero, travelled_m=zero, steer_rad=zero, lights=np.array([LIGHT_BRAKE], np.uint8),
-    )  # fmt: skip
+    catalog = replace(Scenery.catalog(["saloon"]), id=np.array([ACTOR], np.uint32))
+    actors = Scenery.frame([[110.0, 50.0, 0.0]], lights=LIGHT_BRAKE)
     snapshot = Snapshot(
         stamp_ns=0,
         T_world_base=from_rotation(np.eye(3), (100.0, 50.0, 0.0)),

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from shared_fixtures.worlds.meshes import model
+from shared_fixtures.worlds.scenes import Scenery
 
-from carlaloc_env.actors.instances import (
-    ground_poses,
-    place_actors,
-    place_ego,
-    place_lights,
-    place_signals,
-)
+from carlaloc_env.actors.instances import ground_poses, place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.assets.catalog import GAIT_PHASES, VEHICLES, WALKERS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
@@ -28,22 +22,15 @@ def actors() -> tuple[ActorCatalog, ActorFrame]:
     rng = np.random.default_rng(4)
     names = ("saloon", "walker_man", "bus", "walker_child", "walker_woman", "bicycle")
     count = len(names)
-    catalog = ActorCatalog(
-        id=np.arange(count, dtype=np.uint32) + EGO_INSTANCE + 1,
-        model=names,
-        tag=np.array([14, 12, 16, 12, 12, 19], np.uint8),
-        size_m=np.ones((count, 3), np.float32),
-        tint=rng.integers(0, 255, (count, 3)).astype(np.uint8),
-    )
-    frame = ActorFrame(
-        position_m=rng.normal(0, 50, (count, 3)).astype(np.float32),
-        heading_rad=rng.uniform(-3, 3, count).astype(np.float32),
-        pitch_rad=rng.uniform(-0.1, 0.1, count).astype(np.float32),
-        roll_rad=np.linspace(-0.1, 0.1, count).astype(np.float32),
-        speed_mps=np.array([9, 1.4, 0, 0, 1.2, 4], np.float32),
-        travelled_m=np.array([100, 37.3, 5, 3, 12.9, 8], np.float32),
-        steer_rad=np.zeros(count, np.float32),
-        lights=np.array([LIGHT_BRAKE | LIGHT_LEFT, 0, LIGHT_LEFT, 0, 0, LIGHT_BRAKE], np.uint8),
+    catalog = Scenery.catalog(names, [14, 12, 16, 12, 12, 19], tint=rng.integers(0, 255, (count, 3)))
+    frame = Scenery.frame(
+        rng.normal(0, 50, (count, 3)),
+        heading_rad=rng.uniform(-3, 3, count),
+        pitch_rad=rng.uniform(-0.1, 0.1, count),
+        roll_rad=np.linspace(-0.1, 0.1, count),
+        speed_mps=[9, 1.4, 0, 0, 1.2, 4],
+        travelled_m=[100, 37.3, 5, 3, 12.9, 8],
+        lights=[LIGHT_BRAKE | LIGHT_LEFT, 0, LIGHT_LEFT, 0, 0, LIGHT_BRAKE],
     )
     return catalog, frame
 
@@ -91,24 +78,16 @@ def near_far(count: int) -> tuple[ActorCatalog, ActorFrame]:
     tags = [int(VEHICLES[n].tag) if n in VEHICLES else int(Tag.PEDESTRIAN) for n in names]
     many = len(names)
     away = np.where(np.arange(many) % 2 == 0, 5.0, 80.0)
-    zero = np.zeros(many, np.float32)
-    catalog = ActorCatalog(
-        id=np.arange(many, dtype=np.uint32) + EGO_INSTANCE + 1,
-        model=names,
-        tag=np.array(tags, np.uint8),
-        size_m=np.ones((many, 3), np.float32),
-        tint=np.full((many, 3), 99, np.uint8),
+    frame = Scenery.frame(
+        np.stack([away, 0 * away, 0 * away], axis=1),
+        heading_rad=np.linspace(-3, 3, many),
+        pitch_rad=np.linspace(-0.1, 0.1, many),
+        speed_mps=1.0,
+        travelled_m=np.linspace(0, 40, many),
+        steer_rad=np.linspace(-0.5, 0.5, many),
+        lights=LIGHT_BRAKE,
     )
-    frame = ActorFrame(
-        position_m=np.stack([away, zero, zero], axis=1).astype(np.float32),
-        heading_rad=np.linspace(-3, 3, many).astype(np.float32),
-        pitch_rad=np.linspace(-0.1, 0.1, many).astype(np.float32),
-        speed_mps=np.ones(many, np.float32),
-        travelled_m=np.linspace(0, 40, many).astype(np.float32),
-        steer_rad=np.linspace(-0.5, 0.5, many).astype(np.float32),
-        lights=np.full(many, LIGHT_BRAKE, np.uint8),
-    )
-    return catalog, frame
+    return Scenery.catalog(names, tags), frame
 
 
 def test_detail_and_parts_go_by_distance(library: ModelLibrary) -> None:
@@ -134,20 +113,13 @@ PLATES_OF = {name: 0 if name == "bicycle" else 1 if name == "motorcycle" else 2 
 
 def test_wheels_roll_without_slipping_and_steer(library: ModelLibrary) -> None:
     """The tyre's point on the ground stands still: it moves back by dx in the car's frame."""
-    catalog, frame = near_far(1)
+    catalog, _ = near_far(1)
     k = catalog.model.index("saloon")
-    one, still = catalog.take(np.array([k])), frame.take(np.array([k]))
+    one = catalog.take(np.array([k]))
     radius, dx, steer = 0.33, 0.002, 0.3
 
     def wheels(travelled_m: float, steer_rad: float) -> list[np.ndarray]:
-        moved = replace(
-            still,
-            position_m=np.zeros((1, 3), np.float32),
-            heading_rad=np.zeros(1, np.float32),
-            pitch_rad=np.zeros(1, np.float32),
-            travelled_m=np.array([travelled_m], np.float32),
-            steer_rad=np.array([steer_rad], np.float32),
-        )
+        moved = Scenery.frame(np.zeros((1, 3)), speed_mps=1.0, travelled_m=travelled_m, steer_rad=steer_rad)
         placed = place_actors(one, moved, library, eye_m=np.zeros(3))
         return [
             T for T, m in zip(placed.T_world_model, placed.model, strict=True) if "wheel" in library.names[m]
@@ -173,14 +145,8 @@ def test_placing_an_empty_world_gives_nothing(library: ModelLibrary) -> None:
 
 
 def test_placing_names_the_nearest_model(library: ModelLibrary) -> None:
-    catalog, frame = actors()
-    bad = ActorCatalog(
-        id=catalog.id[:1],
-        model=("salon",),
-        tag=catalog.tag[:1],
-        size_m=catalog.size_m[:1],
-        tint=catalog.tint[:1],
-    )
+    _, frame = actors()
+    bad = Scenery.catalog(["salon"])
     with pytest.raises(ConfigError, match="did you mean 'saloon'"):
         place_actors(bad, frame.take(np.arange(1)), library)
 

@@ -5,27 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from shared_fixtures.worlds.plain_albedo import plain_albedo
+from shared_fixtures.worlds.render_scenes import need_opengl
+from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.actors.articulation import LOW_FROM_M
 from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.assets.model_library import build_library
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import EGO_INSTANCE, make_mesh
+from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 
 pytest.importorskip("open3d", reason="Open3D casts the rays")
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 EYE_M = np.array([0.0, 0.0, 1.6])
 CAMERA = Pinhole(width_px=640, height_px=180, fx_px=320.0, fy_px=320.0, cx_px=320.0, cy_px=90.0)
@@ -41,38 +37,23 @@ def actors() -> tuple[ActorCatalog, ActorFrame]:
     distance = np.concatenate([near, far, np.full(len(WALKERS), 9.0)])
     bearing = np.concatenate([bearing, bearing + 0.03, walk])
     place = np.stack([distance * np.cos(bearing), distance * np.sin(bearing), np.zeros(count)], axis=1)
-    catalog = ActorCatalog(
-        id=np.arange(count, dtype=np.uint32) + EGO_INSTANCE + 1,
-        model=names,
-        tag=np.array(
-            [int(VEHICLES[n].tag) if n in VEHICLES else int(Tag.PEDESTRIAN) for n in names], np.uint8
-        ),
-        size_m=np.ones((count, 3), np.float32),
-        tint=np.full((count, 3), 90, np.uint8),
+    tags = [VEHICLES[n].tag if n in VEHICLES else Tag.PEDESTRIAN for n in names]
+    frame = Scenery.frame(
+        place,
+        heading_rad=np.linspace(-2.0, 2.5, count),
+        pitch_rad=np.linspace(-0.05, 0.05, count),
+        speed_mps=1.3,
+        travelled_m=np.linspace(0.0, 9.0, count),
+        steer_rad=np.linspace(-0.6, 0.6, count),
     )
-    frame = ActorFrame(
-        position_m=place.astype(np.float32),
-        heading_rad=np.linspace(-2.0, 2.5, count).astype(np.float32),
-        pitch_rad=np.linspace(-0.05, 0.05, count).astype(np.float32),
-        speed_mps=np.full(count, 1.3, np.float32),
-        travelled_m=np.linspace(0.0, 9.0, count).astype(np.float32),
-        steer_rad=np.linspace(-0.6, 0.6, count).astype(np.float32),
-        lights=np.zeros(count, np.uint8),
-    )
-    return catalog, frame
+    return Scenery.catalog(names, tags), frame
 
 
 def test_rays_meet_the_shapes_that_cameras_see() -> None:
     """At pixel centres on actors, the ray's hit is the picture's actor, and as far away within 3 cm."""
     from carlaloc_env.raycast import RayScene
 
-    r = 300.0
-    ground = make_mesh(
-        [[-r, -r, 0], [r, -r, 0], [r, r, 0], [-r, r, 0]],
-        [[0, 1, 2], [0, 2, 3]],
-        material=Material.ASPHALT,
-        tag=Tag.ROAD,
-    )
+    ground = Scenery.ground()
     library, (catalog, frame) = build_library(), actors()
     T = transforms.from_rotation(transforms.R_FLU_OPTICAL, EYE_M)
     # Quality "low" is for live pictures: it draws far cars in few triangles.

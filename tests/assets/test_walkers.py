@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from shared_fixtures.worlds.meshes import model
+from shared_fixtures.worlds.scenes import Scenery
 
-from carlaloc_env.actors.instances import (
-    place_actors,
-)
+from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.assets.catalog import GAIT_PHASES, WALKERS
 from carlaloc_env.assets.walkers.gait import posture, standing
 from carlaloc_env.assets.walkers.skeleton import shoe_sole
-from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
+from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 
 @pytest.mark.parametrize("name", WALKERS)
@@ -63,24 +61,9 @@ def test_drawn_feet_do_not_slide(library: ModelLibrary, name: str) -> None:
     """The sole that bears the body stays within 5 mm of one place, in steps far finer than the postures."""
     person = WALKERS[name]
     travelled = np.linspace(0.03, 0.45, 60) * person.stride_m
-    count = len(travelled)
-    catalog = ActorCatalog(
-        id=np.arange(count, dtype=np.uint32) + EGO_INSTANCE + 1,
-        model=(name,) * count,
-        tag=np.full(count, Tag.PEDESTRIAN, np.uint8),
-        size_m=np.ones((count, 3), np.float32),
-        tint=np.zeros((count, 3), np.uint8),
-    )
-    zero = np.zeros(count, np.float32)
-    frame = ActorFrame(
-        position_m=np.stack([travelled, zero, zero], axis=1).astype(np.float32),
-        heading_rad=zero,
-        pitch_rad=zero,
-        speed_mps=zero + np.float32(person.speed_mps),
-        travelled_m=travelled.astype(np.float32),
-        steer_rad=zero,
-        lights=np.zeros(count, np.uint8),
-    )
+    catalog = Scenery.catalog((name,) * len(travelled), Tag.PEDESTRIAN)
+    place = np.stack([travelled, 0 * travelled, 0 * travelled], axis=1)
+    frame = Scenery.frame(place, speed_mps=person.speed_mps, travelled_m=travelled)
     placed = place_actors(catalog, frame, library)
     ankle = []
     for T, m in zip(placed.T_world_model, placed.model, strict=True):

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.driving.crossing_traffic import crossing_traffic
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
@@ -35,24 +36,8 @@ def car(
     x_m: float, y_m: float, heading_rad: float, speed_mps: float, z_m: float = 0.0
 ) -> tuple[ActorFrame, ActorCatalog]:
     """One saloon."""
-    one = np.ones(1, np.float32)
-    frame = ActorFrame(
-        position_m=np.array([[x_m, y_m, z_m]], np.float32),
-        heading_rad=one * np.float32(heading_rad),
-        pitch_rad=0 * one,
-        speed_mps=one * np.float32(speed_mps),
-        travelled_m=0 * one,
-        steer_rad=0 * one,
-        lights=np.zeros(1, np.uint8),
-    )
-    catalog = ActorCatalog(
-        id=np.array([1 << 24], np.uint32),
-        model=("saloon",),
-        tag=np.zeros(1, np.uint8),
-        size_m=np.array([[4.5, 1.8, 1.5]], np.float32),
-        tint=np.zeros((1, 3), np.uint8),
-    )
-    return frame, catalog
+    frame = Scenery.frame([[x_m, y_m, z_m]], heading_rad, speed_mps)
+    return frame, Scenery.catalog(["saloon"], size_m=[4.5, 1.8, 1.5])
 
 
 def test_a_car_that_crosses_at_the_same_time_counts() -> None:

@@ -6,13 +6,13 @@ import pickle
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.snapshot import Snapshot, is_blink
-from carlaloc_env.timeline.timeline import LIGHT_BRAKE, ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.timeline.timeline import LIGHT_BRAKE, Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
 SPEED_MPS = 10.0
@@ -26,21 +26,10 @@ def drive(steps: int = 4) -> Timeline:
     car = CarTrack()
     for _ in range(ticks):
         car.append((0.0, 0.0, 0.0, 0.0), 0.0, Controls(brake=0.5))
-    catalog = ActorCatalog(
-        id=np.array([EGO_INSTANCE + 1], np.uint32),
-        model=("saloon",),
-        tag=np.array([14], np.uint8),
-        size_m=np.ones((1, 3), np.float32),
-        tint=np.zeros((1, 3), np.uint8),
-    )
     ego = EgoTrack.from_arrays(position, np.tile([0.0, 0.0, 0.0, 1.0], (ticks, 1)))
-    timeline = Timeline(catalog, ego=ego, car=car)
-    zero = np.zeros(1, np.float32)
+    timeline = Timeline(Scenery.catalog(["saloon"]), ego=ego, car=car)
     for step in range(steps + 1):
-        frame = ActorFrame(
-            position_m=np.array([[5.0, step, 0.0]], np.float32), heading_rad=zero, pitch_rad=zero,
-            speed_mps=zero + 20, travelled_m=zero, steer_rad=zero, lights=np.zeros(1, np.uint8),
-        )  # fmt: skip
+        frame = Scenery.frame([[5.0, step, 0.0]], speed_mps=20.0)
         timeline.append_step(frame, np.array([step, 3], np.uint8))
     return timeline
 

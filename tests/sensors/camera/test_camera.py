@@ -3,48 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from shared_fixtures.worlds.plain_albedo import plain_albedo
+from shared_fixtures.worlds.render_scenes import need_opengl
+from shared_fixtures.worlds.scenes import Scenery
 
-from carlaloc_env.core.errors import ConfigError, RenderError
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.samples import DepthImage, Image, SemanticImage
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.camera import CameraSensor
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import PRESETS
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 PINHOLE = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
 SPEED_MPS = 10.0
 ACTOR_AHEAD_M = 20.0
-
-
-def box(
-    low_m: tuple[float, float, float], high_m: tuple[float, float, float], material: Material, tag: Tag
-) -> Mesh:
-    """Axis-parallel box with flat faces."""
-    corner = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
-    faces = [[0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4]]
-    faces += [[2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]]
-    low, high = np.array(low_m), np.array(high_m)
-    return make_mesh(low + corner * (high - low), faces, material=material, tag=tag)
 
 
 class SmallWorld:
@@ -54,11 +42,11 @@ class SmallWorld:
         self.seed = 7
         self.geo = GeoReference(latitude_deg=49.0, longitude_deg=8.4, height_m=115.0)
         self.weather = PRESETS["ClearNoon"]
-        lens = box((0, -0.15, -0.15), (0.02, 0.15, 0.15), Material.LAMP_RED, Tag.TRAFFIC_LIGHT)
+        lens = Scenery.box((0, -0.15, -0.15), (0.02, 0.15, 0.15), Material.LAMP_RED, Tag.TRAFFIC_LIGHT)
         self.library = ModelLibrary(
             {
-                "saloon": box((-2.3, -0.9, 0.0), (2.3, 0.9, 1.4), Material.CAR_PAINT, Tag.CAR),
-                "ego": box((-0.9, -0.9, 0.3), (3.7, 0.9, 0.9), Material.CAR_PAINT, Tag.CAR),
+                "saloon": Scenery.box((-2.3, -0.9, 0.0), (2.3, 0.9, 1.4), Material.CAR_PAINT, Tag.CAR),
+                "ego": Scenery.box((-0.9, -0.9, 0.3), (3.7, 0.9, 0.9), Material.CAR_PAINT, Tag.CAR),
                 **{f"signal_{colour}": lens for colour in ("red", "yellow", "green")},
             }
         )
@@ -70,12 +58,7 @@ class SmallWorld:
             ),
             instance=np.array([55], np.uint32),
         )
-        ground = make_mesh(
-            [[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]],
-            [[0, 1, 2], [0, 2, 3]],
-            material=Material.ASPHALT,
-            tag=Tag.ROAD,
-        )
+        ground = Scenery.ground()
         self._renderer = SceneRenderer([ground], self.library, quality="low", albedo=plain_albedo())
 
     def renderer(self) -> SceneRenderer:
@@ -98,26 +81,11 @@ def drive() -> Timeline:
     ticks = np.arange(221) * 0.005
     position = np.stack([SPEED_MPS * ticks, 0 * ticks, 0 * ticks], axis=-1)
     track = EgoTrack.from_arrays(position, np.tile([0.0, 0.0, 0.0, 1.0], (len(ticks), 1)))
-    catalog = ActorCatalog(
-        id=np.array([EGO_INSTANCE + 9], np.uint32),
-        model=("saloon",),
-        tag=np.array([Tag.CAR], np.uint8),
-        size_m=np.array([[4.6, 1.8, 1.4]], np.float32),
-        tint=np.array([[200, 20, 20]], np.uint8),
-    )
+    catalog = replace(Scenery.catalog(["saloon"]), id=np.array([EGO_INSTANCE + 9], np.uint32))
     timeline = Timeline(catalog, ego=track)
     for step in range(22):
-        one = np.zeros(1, np.float32)
         timeline.append_step(
-            ActorFrame(
-                position_m=np.array([[ACTOR_AHEAD_M + 0.5 * step, 0, 0]], np.float32),
-                heading_rad=one,
-                pitch_rad=one,
-                speed_mps=one + np.float32(SPEED_MPS),
-                travelled_m=one,
-                steer_rad=one,
-                lights=np.zeros(1, np.uint8),
-            ),
+            Scenery.frame([[ACTOR_AHEAD_M + 0.5 * step, 0, 0]], speed_mps=SPEED_MPS),
             np.array([1 if step < 10 else 3], np.uint8),
         )
     return timeline

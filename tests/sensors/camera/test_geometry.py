@@ -9,23 +9,19 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.lens_distortion import Lens
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 PINHOLE = Pinhole.from_fov(320, 180, 90.0)
 MOUNT = Mount(position_m=(1.8, 0.2, 1.6), axes="optical")

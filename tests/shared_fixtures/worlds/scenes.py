@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
@@ -120,42 +120,33 @@ class Scenery:
         return position, np.stack([0.02 * np.sin(3 * t), 0.015 * np.cos(5 * t), yaw], axis=-1)
 
     @staticmethod
-    def catalog(models: Sequence[str], tag: Tag = Tag.CAR) -> ActorCatalog:
+    def catalog(
+        models: Sequence[str], tag: ArrayLike = Tag.CAR, size_m: ArrayLike = 2.0, tint: ArrayLike = 255
+    ) -> ActorCatalog:
         """Actors of the named models with consecutive ids."""
         count = len(models)
         return ActorCatalog(
             id=(EGO_INSTANCE + 1 + np.arange(count)).astype(np.uint32),
             model=tuple(models),
             tag=np.full(count, tag, np.uint8),
-            size_m=np.full((count, 3), 2.0, np.float32),
-            tint=np.full((count, 3), 255, np.uint8),
+            size_m=np.full((count, 3), size_m, np.float32),
+            tint=np.full((count, 3), tint, np.uint8),
         )
 
     @staticmethod
     def frame(
         position_m: ArrayLike,
-        heading_rad: ArrayLike,
+        heading_rad: ArrayLike = 0.0,
         speed_mps: ArrayLike = 0.0,
-        pitch_rad: ArrayLike = 0.0,
-        roll_rad: ArrayLike = 0.0,
+        lights: ArrayLike = 0,
+        **others: ArrayLike,
     ) -> ActorFrame:
-        """State of all actors at one instant."""
+        """State of all actors at one instant; all that is not named is 0."""
         position = np.asarray(position_m, np.float32)
-        count = len(position)
-
-        def row(values: ArrayLike) -> NDArray[np.float32]:
-            return np.broadcast_to(np.asarray(values, np.float32), (count,)).copy()
-
-        return ActorFrame(
-            position_m=position,
-            heading_rad=row(heading_rad),
-            pitch_rad=row(pitch_rad),
-            speed_mps=row(speed_mps),
-            travelled_m=row(0.0),
-            steer_rad=row(0.0),
-            lights=np.zeros(count, np.uint8),
-            roll_rad=row(roll_rad),
-        )
+        others = {"pitch_rad": 0.0, "roll_rad": 0.0, "travelled_m": 0.0, "steer_rad": 0.0, **others}
+        others |= {"heading_rad": heading_rad, "speed_mps": speed_mps}
+        rows = {name: np.full(len(position), values, np.float32) for name, values in others.items()}
+        return ActorFrame(position_m=position, lights=np.full(len(position), lights, np.uint8), **rows)
 
     @classmethod
     def drive(
