@@ -35,11 +35,7 @@ def test_help_names_all_that_an_option_takes(
 
 
 @pytest.mark.parametrize(
-    ("page", "names"),
-    [
-        ("docs/formats.md", {*FORMATS, *PROFILES}),
-        ("docs/sensors.md", {*RIGS}),
-    ],
+    ("page", "names"), [("docs/formats.md", {*FORMATS, *PROFILES}), ("docs/sensors.md", {*RIGS})]
 )
 def test_pages_name_all_formats_profiles_and_rigs(page: str, names: set[str]) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")

@@ -27,24 +27,15 @@ NAMES_THAT_ARE_READ = {
 }  # fmt: skip
 """Options that are plain text. Whoever adds one says here that it names nothing that is written."""
 VALUES = (
-    int,
-    float,
-    kinds.names,
-    kinds.number,
-    kinds.numbers,
-    kinds.seconds,
-    kinds.positive_seconds,
-    kinds.positive_int,
-    kinds.seed,
-    kinds.number_or_search,
-)
+    int, float, kinds.names, kinds.number, kinds.numbers, kinds.seconds, kinds.positive_seconds,
+    kinds.positive_int, kinds.seed, kinds.number_or_search,
+)  # fmt: skip
 
+Words, Parser, Action = tuple[str, ...], argparse.ArgumentParser, argparse.Action
 Capture = pytest.CaptureFixture[str]
 
 
-def run(
-    words: tuple[str, ...], parser: argparse.ArgumentParser, action: argparse.Action, value: Path, *more: str
-) -> int:
+def run(words: Words, parser: Parser, action: Action, value: Path, *more: str) -> int:
     rest = required_words(parser, value.parent / "missing", without=action)
     return main([*words, *rest, action.option_strings[0], str(value), *more])
 
@@ -64,11 +55,7 @@ def test_every_option_is_of_a_known_kind() -> None:
 
 @pytest.mark.parametrize(("words", "parser", "action"), OUTPUTS)
 def test_what_exists_is_kept(
-    words: tuple[str, ...],
-    parser: argparse.ArgumentParser,
-    action: argparse.Action,
-    tmp_path: Path,
-    capfd: Capture,
+    words: Words, parser: Parser, action: Action, tmp_path: Path, capfd: Capture
 ) -> None:
     """A file of the right kind and one of another, with `--force` and without."""
     suffixes = action.type.suffixes if isinstance(action.type, kinds.OutputFile) else ("",)
@@ -90,11 +77,7 @@ def test_what_exists_is_kept(
 
 @pytest.mark.parametrize(("words", "parser", "action"), OUTPUTS)
 def test_what_is_read_is_not_written(
-    words: tuple[str, ...],
-    parser: argparse.ArgumentParser,
-    action: argparse.Action,
-    tmp_path: Path,
-    capfd: Capture,
+    words: Words, parser: Parser, action: Action, tmp_path: Path, capfd: Capture
 ) -> None:
     """Not even with `--force` a command writes over its own input."""
     inputs = [a for a in parser._actions if a.type is kinds.input_path]

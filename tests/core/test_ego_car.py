@@ -6,12 +6,6 @@ import pytest
 
 from carlaloc_env.core import ego_car
 from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.sensors.vehicle.can import CanConfig
-
-
-def test_sensors_and_physics_have_the_same_car() -> None:
-    """The steering ratio that CAN tells is the one the physics turns wheels with."""
-    assert CanConfig().steering_ratio == VehicleParams().steering_ratio == ego_car.EGO_STEERING_RATIO
 
 
 def test_rolling_radius_lies_below_the_loaded_radius() -> None:

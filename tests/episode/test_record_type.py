@@ -15,18 +15,8 @@ from recorder.episode.messages import EGO, EVENT, EgoRow, pack_ego
 from recorder.episode.record_type import RecordType
 
 KINDS = (
-    "bool",
-    "int8",
-    "uint8",
-    "int16",
-    "uint16",
-    "int32",
-    "uint32",
-    "int64",
-    "uint64",
-    "float32",
-    "float64",
-)
+    "bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64",
+)  # fmt: skip
 
 
 class Rosbags:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,6 +40,19 @@ def plane() -> Iterator[PhysicsWorld]:
     mesh = sheet(flat, x_m=np.arange(-50.0, 1000.0, 5.0), y_m=np.arange(-250.0, 251.0, 5.0))
     with PhysicsWorld(*mesh) as world:
         yield world
+
+
+def car_at(world: PhysicsWorld, x_m: float = 0.0, heading_rad: float = 0.0) -> EgoCar:
+    """The car at rest on the road."""
+    car = EgoCar(world)
+    car.reset((x_m, 0.0, 0.0), heading_rad)
+    return car
+
+
+def hold(car: EgoCar, ticks: int, **controls: Any) -> None:
+    """The same controls for some ticks."""
+    for _ in range(ticks):
+        car.tick(Controls(**controls))
 
 
 def drive(
@@ -81,8 +95,7 @@ def stopping_m(car: EgoCar, speed_mps: float) -> float:
 
 def test_accelerates_like_a_saloon(plane: PhysicsWorld) -> None:
     """0–100 km/h in 5.5–9 s."""
-    car = EgoCar(plane)
-    car.reset((0.0, 0.0, 0.0), 0.0)
+    car = car_at(plane)
     ticks = 0
     while car.state().speed_mps < 100 / 3.6:
         car.tick(Controls(throttle=1.0))
@@ -93,8 +106,7 @@ def test_accelerates_like_a_saloon(plane: PhysicsWorld) -> None:
 
 def test_full_braking_and_wet_road(plane: PhysicsWorld) -> None:
     """Dry 0.85–1.05 g from 100 km/h; wet takes at least a quarter more."""
-    car = EgoCar(plane)
-    car.reset((0.0, 0.0, 0.0), 0.0)
+    car = car_at(plane)
     dry = stopping_m(car, 100 / 3.6)
     assert 0.85 < (100 / 3.6) ** 2 / (2 * dry) / 9.81 < 1.05
     plane.set_friction(0.75)
@@ -105,8 +117,7 @@ def test_full_braking_and_wet_road(plane: PhysicsWorld) -> None:
 
 def test_brakes_stay_straight_and_do_not_lock(plane: PhysicsWorld) -> None:
     """Anti-lock: the wheels keep turning in a full stop, the car keeps its lane."""
-    car = EgoCar(plane)
-    car.reset((0.0, 0.0, 0.0), 0.0)
+    car = car_at(plane)
     drive(car, 1500, speed_mps=20.0)
     while car.state().speed_mps > 5.0:
         car.tick(Controls(brake=1.0))
@@ -147,8 +158,7 @@ def test_turns_like_the_linear_bicycle_model_then_understeers(plane: PhysicsWorl
 
 def test_left_is_positive(plane: PhysicsWorld) -> None:
     """Steer +1 turns the wheels 35° left at a limited rate, and the car to its left."""
-    car = EgoCar(plane)
-    car.reset((0.0, 0.0, 0.0), 0.0)
+    car = car_at(plane)
     car.tick(Controls(steer=1.0))
     assert 0.0 < car.state().road_wheel_rad <= math.radians(600.0 / 12.0) * TICK_S * 1.001
     states = drive(car, 600, speed_mps=3.0, steer=1.0)
@@ -163,8 +173,7 @@ def test_load_moves_with_acceleration(plane: PhysicsWorld) -> None:
     p = car.params
     car.reset((0.0, 0.0, 0.0), 0.0)
     drive(car, 1500, speed_mps=20.0)
-    for _ in range(360):
-        car.tick(Controls(brake=0.2))
+    hold(car, 360, brake=0.2)
     loads, slows = [], []
     for _ in range(160):
         car.tick(Controls(brake=0.2))
@@ -177,8 +186,7 @@ def test_load_moves_with_acceleration(plane: PhysicsWorld) -> None:
 
 def test_straight_road_is_smooth(plane: PhysicsWorld) -> None:
     """20 m/s over flat triangles: the IMU's spline sees less than 0.05 m/s² (here less than 0.01)."""
-    car = EgoCar(plane)
-    car.reset((0.0, 0.0, 0.0), 0.1)
+    car = car_at(plane, heading_rad=0.1)
     drive(car, 2000, speed_mps=20.0)
     track = EgoTrack()
     drive(car, 1000, speed_mps=20.0, track=track)
@@ -187,11 +195,9 @@ def test_straight_road_is_smooth(plane: PhysicsWorld) -> None:
 
 def test_stands_still(plane: PhysicsWorld) -> None:
     """Standing on its brakes after a stop, the car is as quiet as a rock."""
-    car = EgoCar(plane)
-    car.reset((0.0, 0.0, 0.0), 0.3)
+    car = car_at(plane, heading_rad=0.3)
     drive(car, 800, speed_mps=8.0)
-    for _ in range(1400):
-        car.tick(Controls(brake=0.3))
+    hold(car, 1400, brake=0.3)
     track = EgoTrack()
     for _ in range(600):
         car.tick(Controls(brake=0.3))
@@ -208,8 +214,7 @@ def test_handbrake_holds_on_a_slope(heading_rad: float) -> None:
     with PhysicsWorld(*mesh) as world:
         car = EgoCar(world)
         start = car.reset((0.0, 0.0, 0.0), heading_rad).position_m
-        for _ in range(12_000):
-            car.tick(Controls(handbrake=True))
+        hold(car, 12_000, handbrake=True)
         assert np.abs(car.state().position_m - start).max() < 0.01
 
 
@@ -220,14 +225,12 @@ def test_rolls_away_without_brakes() -> None:
         car = EgoCar(world)
         p = car.params
         car.reset((0.0, 0.0, 0.0), 0.0)
-        for _ in range(250):
-            car.tick(Controls())
+        hold(car, 250)
         spinning = 4 * p.wheel_inertia_kgm2 / 0.314**2
         slope = math.atan(0.05)
         pull = p.mass_kg * 9.81 * (math.sin(slope) - p.rolling * math.cos(slope)) / (p.mass_kg + spinning)
         before = car.state().speed_mps
-        for _ in range(40):
-            car.tick(Controls())
+        hold(car, 40)
         after = car.state()
         regeneration = p.regeneration_mps2 * abs(before + after.speed_mps) / 2 / p.regeneration_fade_mps
         assert after.acceleration_mps2 < 0.0
@@ -243,8 +246,7 @@ def test_mounts_a_kerb(speed_mps: float) -> None:
 
     x_m = np.concatenate([np.arange(-20.0, 30.1, 5.0), np.arange(30.02, 80.0, 5.0)])
     with PhysicsWorld(*sheet(kerb, x_m=x_m, y_m=np.arange(-20.0, 21.0, 5.0))) as world:
-        car = EgoCar(world)
-        car.reset((0.0, 0.0, 0.0), 0.0)
+        car = car_at(world)
         track = EgoTrack()
         ticks = round(30.0 / speed_mps / TICK_S) + 800
         states = drive(car, ticks, speed_mps=speed_mps, track=track)
@@ -257,8 +259,7 @@ def test_mounts_a_kerb(speed_mps: float) -> None:
 
 def test_bounce_has_the_ride_frequency(plane: PhysicsWorld) -> None:
     """Dropped by hard braking's end, the body swings at 1.0–1.6 Hz and calms down."""
-    car = EgoCar(plane)
-    car.reset((0.0, 0.0, 0.0), 0.0)
+    car = car_at(plane)
     drive(car, 1200, speed_mps=15.0)
     while car.state().speed_mps > 0.02:
         car.tick(Controls(brake=0.7))
@@ -275,9 +276,7 @@ def test_bounce_has_the_ride_frequency(plane: PhysicsWorld) -> None:
 
 def test_reverse(plane: PhysicsWorld) -> None:
     """Reverse drives backwards, no faster than a reverse gear."""
-    car = EgoCar(plane)
-    car.reset((100.0, 0.0, 0.0), 0.0)
-    for _ in range(2000):
-        car.tick(Controls(throttle=0.8, reverse=True))
+    car = car_at(plane, 100.0)
+    hold(car, 2000, throttle=0.8, reverse=True)
     assert -8.5 < car.state().speed_mps < -4.0
     assert car.state().position_m[0] < 70.0

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from shared_fixtures.processes.lifecycles import growth
+from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
@@ -33,25 +34,8 @@ def with_wall(x_m: float) -> tuple[Array, NDArray[np.int64]]:
 
 def cars_at(positions_m: list[tuple[float, float]], speed_mps: float) -> tuple[ActorCatalog, ActorFrame]:
     """Saloons that face east."""
-    count = len(positions_m)
-    catalog = ActorCatalog(
-        id=np.arange(count, dtype=np.uint32) + np.uint32((1 << 23) + 7),
-        model=("saloon",) * count,
-        tag=np.zeros(count, np.uint8),
-        size_m=np.tile(np.array([4.5, 1.8, 1.5], np.float32), (count, 1)),
-        tint=np.zeros((count, 3), np.uint8),
-    )
-    zero = np.zeros(count, np.float32)
-    frame = ActorFrame(
-        position_m=np.array([(x, y, 0.0) for x, y in positions_m], np.float32),
-        heading_rad=zero,
-        pitch_rad=zero,
-        speed_mps=zero + np.float32(speed_mps),
-        travelled_m=zero,
-        steer_rad=zero,
-        lights=np.zeros(count, np.uint8),
-    )
-    return catalog, frame
+    catalog = Scenery.catalog(("saloon",) * len(positions_m), size_m=[4.5, 1.8, 1.5])
+    return catalog, Scenery.frame([(x, y, 0.0) for x, y in positions_m], speed_mps=speed_mps)
 
 
 def rows_of(car: EgoCar, ticks: int, controls: Controls) -> Array:

@@ -55,6 +55,7 @@ def test_lights_of_a_town_that_says_nothing_are_those_of_traffic() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        # Values of another type.
         ({"town": {"name": 3}}, r"town\.name: expected str, found 3 \(int\)"),
         ({"town": {"scenery_seed": 0.5}}, r"town\.scenery_seed: expected int, found 0\.5"),
         ({"town": "Ulm"}, "town: expected keys and values, found 'Ulm'"),
@@ -69,16 +70,7 @@ def test_lights_of_a_town_that_says_nothing_are_those_of_traffic() -> None:
         ({"zone": [ZONE, {**ZONE, "polygon": 3}]}, r"zone\[1\]\.polygon: expected a list, found 3"),
         ({"zone": ZONE}, r"zone: write \[\[zone\]\] above each one"),
         ({"feature": [{**PIER, "size": "big"}]}, r"feature\[0\]\.size: expected a list, found 'big'"),
-    ],
-)
-def test_values_of_another_type_are_refused(content: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigError, match=f"^a.toml: {message}"):
-        TownConfig.from_mapping(content, "a.toml")
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
+        # Unknown names, with the nearest.
         ({"trafic": {}}, "no section 'trafic'; did you mean 'traffic'"),
         ({"town": {"nam": "Ulm"}}, "town: no key 'nam'; did you mean 'name'"),
         ({"town": {"route": {}}}, "town: no key 'route'"),
@@ -87,24 +79,9 @@ def test_values_of_another_type_are_refused(content: dict[str, Any], message: st
         ({"signals": {"green": 3.0}}, "signals: no key 'green'; did you mean 'green_s'"),
         ({"geo": {"latitude_deg": 49.0}}, "geo: the key 'longitude_deg' is missing"),
         ({"zone": [{"kind": "park"}]}, r"zone\[0\]: the key 'polygon' is missing"),
-        (
-            {"zone": [{**ZONE, "kind": "downtwon"}]},
-            r"zone\[0\]: no zone kind 'downtwon'",
-        ),
-        (
-            {"feature": [{**PIER, "kind": "peer"}]},
-            r"feature\[0\]: no feature kind 'peer'; did you mean 'pier'",
-        ),
-    ],
-)
-def test_unknown_names_come_with_the_nearest(content: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigError, match=f"^a.toml: {message}"):
-        TownConfig.from_mapping(content, "a.toml")
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
+        ({"zone": [{**ZONE, "kind": "downtwon"}]}, r"zone\[0\]: no zone kind 'downtwon'"),
+        ({"feature": [{**PIER, "kind": "peer"}]}, r"feature\[0\]: no feature kind 'peer'; did you mean"),
+        # Values out of range.
         ({"geo": {**GEO, "latitude_deg": 91.0}}, "geo: latitude_deg is 91"),
         ({"geo": {**GEO, "longitude_deg": float("nan")}}, "geo: longitude_deg is nan"),
         ({"geo": {**GEO, "height_m": float("inf")}}, "geo: height_m is inf"),
@@ -127,8 +104,8 @@ def test_unknown_names_come_with_the_nearest(content: dict[str, Any], message: s
         ({"feature": [{**PIER, "size": [9, 9]}]}, r"feature\[0\]: size of a pier holds length \[m\]; found"),
     ],
 )
-def test_values_out_of_range_are_refused(content: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigError, match=f"^a.toml: {message}"):
+def test_mistakes_are_refused_in_one_line(content: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=f"^a.toml: {message}[^\n]*$"):
         TownConfig.from_mapping(content, "a.toml")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -36,6 +37,18 @@ def watch(tables: TrafficTables, seconds: float = 60.0, vehicles: int = 60, **op
     """A run of Town03 under some options."""
     config = TrafficConfig(vehicles=vehicles, walkers=0, seed=3, warm_up_s=5.0, **options)
     return audit_traffic(tables.network, config, seconds, tables)
+
+
+def steps(
+    tables: TrafficTables, seconds: int, vehicles: int = 60, walkers: int = 0, **options: Any
+) -> Iterator[TrafficWorld]:
+    """The world of a run under some options, after each step."""
+    config = TrafficConfig(vehicles=vehicles, walkers=walkers, seed=3, **{"warm_up_s": 5.0, **options})
+    world = TrafficWorld(tables.network, config, tables)
+    world.reset()
+    for _ in range(seconds * 1_000_000_000 // STEP_NS):
+        world.step(NOBODY)
+        yield world
 
 
 @pytest.fixture(scope="module")
@@ -75,15 +88,9 @@ def test_keep_right_rule_fills_the_right_lanes(tables: TrafficTables) -> None:
     """More of those who could be on either of two lanes drive on the right one."""
 
     def share(percentage: float) -> float:
-        config = TrafficConfig(
-            vehicles=60, walkers=0, seed=3, warm_up_s=5.0, keep_right_rule_percentage=percentage
-        )
-        world = TrafficWorld(tables.network, config, tables)
-        world.reset()
         right, lane = tables.roads.lane.right, np.zeros(60, np.int64)
         outer = many = 0
-        for step in range(20 * 60):
-            world.step(NOBODY)
+        for step, world in enumerate(steps(tables, 60, keep_right_rule_percentage=percentage)):
             if step % 20 == 0:
                 lane = world._vehicles.fleet.plan[:-1, 0]
                 beside = (right[lane] >= 0) | (tables.roads.lane.left[lane] >= 0)
@@ -98,11 +105,8 @@ def test_distance_to_leading_vehicle_is_kept(tables: TrafficTables) -> None:
     """Vehicles that stand behind a standing one keep that gap."""
     gaps = {}
     for distance in (2.0, 6.0):
-        config = TrafficConfig(vehicles=200, walkers=0, seed=3, distance_to_leading_vehicle=distance)
-        world = TrafficWorld(tables.network, config, tables)
-        world.reset()
-        for _ in range(20 * 60):
-            world.step(NOBODY)
+        usual_s = TrafficConfig().warm_up_s
+        *_, world = steps(tables, 60, 200, warm_up_s=usual_s, distance_to_leading_vehicle=distance)
         fleet = world._vehicles.fleet
         behind = np.flatnonzero((fleet.leader[:-1] >= 0) & (fleet.gap_m[:-1] < 12.0))
         standing = behind[(fleet.waited_s[behind] > 2.0) & (fleet.waited_s[fleet.leader[behind]] > 3.0)]
@@ -141,12 +145,9 @@ def test_ignored_walkers_are_not_given_way(tables: TrafficTables) -> None:
 
 def stops(tables: TrafficTables, percentage: float) -> int:
     """How many vehicles come to a stand at a stop sign in a minute."""
-    config = TrafficConfig(vehicles=60, walkers=0, seed=3, warm_up_s=5.0, ignore_signs_percentage=percentage)
-    world = TrafficWorld(tables.network, config, tables)
-    world.reset()
-    fleet, stood = world._vehicles.fleet, 0
-    for _ in range(60_000_000_000 // STEP_NS):
-        world.step(NOBODY)
+    stood = 0
+    for world in steps(tables, 60, ignore_signs_percentage=percentage):
+        fleet = world._vehicles.fleet
         stood += int((fleet.at_stop_sign[:-1] & (fleet.stopped_s[:-1] > 0.9)).sum())
     return stood
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -31,29 +32,29 @@ def test_own_folder_is_believed(tmp_path: Path) -> None:
     assert fetch(tmp_path / "cache", 2.0) == 1.0
 
 
+def open_to_all(path: Path) -> None:
+    path.chmod(0o777)
+
+
+def given_away(path: Path) -> None:
+    if not hasattr(os, "geteuid") or os.geteuid() != 0:
+        pytest.skip("giving files away needs root")
+    os.chown(path, 12345, 12345)
+
+
 @pytest.mark.parametrize("what", ["folder", "file"])
-def test_what_everybody_can_write_is_not_believed(
-    what: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [(open_to_all, "is writable by all users"), (given_away, "belongs to another user")],
+)
+def test_what_others_can_write_or_own_is_not_believed(
+    what: str, change: Callable[[Path], None], why: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder = tmp_path / "cache"
     fetch(folder, 1.0)
     (file,) = folder.glob("*.test")
-    (folder if what == "folder" else file).chmod(0o777)
+    change(folder if what == "folder" else file)
     with caplog.at_level(logging.WARNING):
         assert fetch(folder, 2.0) == 2.0
-    assert "is writable by all users" in caplog.text
+    assert why in caplog.text
     assert len(caplog.records) == 1
-
-
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="giving files away needs root")
-@pytest.mark.parametrize("what", ["folder", "file"])
-def test_what_belongs_to_others_is_not_believed(
-    what: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    folder = tmp_path / "cache"
-    fetch(folder, 1.0)
-    (file,) = folder.glob("*.test")
-    os.chown(folder if what == "folder" else file, 12345, 12345)
-    with caplog.at_level(logging.WARNING):
-        assert fetch(folder, 2.0) == 2.0
-    assert "belongs to another user" in caplog.text
