@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from shared_fixtures.drives.straight_drives import MakeEnv
 
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.envs.task.ackermann import LATERAL_MPS2, SHARPEST_PER_M, Motion
 from carlaloc_env.envs.task.actions import action_kind
 from carlaloc_env.physics.params import VehicleParams
@@ -27,8 +25,8 @@ def test_a_standing_car_is_held() -> None:
     assert action_kind("ackermann").controls([0.0, -1.0], Motion(speed_limit_mps=10.0)) == Controls(brake=0.3)
 
 
-def test_the_car_comes_to_speed_curvature_and_rest(straight_map: Path) -> None:
-    env = CarlaLocEnv(map=straight_map, rig="state", action="ackermann", traffic="empty", info=("ego",))
+def test_the_car_comes_to_speed_curvature_and_rest(make_env: MakeEnv) -> None:
+    env = make_env(action="ackermann", info=("ego",))
     env.reset(seed=1)
     for _ in range(160):
         *_, info = env.step([0.0, 0.2])
@@ -43,4 +41,3 @@ def test_the_car_comes_to_speed_curvature_and_rest(straight_map: Path) -> None:
     for _ in range(80):
         *_, info = env.step([0.0, -1.0])
     assert info["ego"].speed_mps == pytest.approx(0.0, abs=0.02)
-    env.close()

@@ -11,6 +11,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
+from shared_fixtures.drives.straight_drives import MakeEnv
 
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ActionError
@@ -80,18 +81,15 @@ def test_a_specification_of_any_town_goes_to_json_and_back(straight_map: Path) -
         one.close()
 
 
-def test_numbers_of_numpy_are_numbers(straight_map: Path) -> None:
+def test_numbers_of_numpy_are_numbers(make_env: MakeEnv) -> None:
     """As tuners and `np.arange` give them: the same drive as with Python's."""
     found = []
     for whole, real in ((int, float), (np.int64, np.float32), (np.uint8, np.float64)):
-        env = CarlaLocEnv(
-            map=straight_map, rig="state", action="discrete", traffic=real(0.5), frame_skip=whole(4),
-            task={"goal": real(5), "time_limit_s": whole(60)},
-        )  # fmt: skip
+        task = {"goal": real(5), "time_limit_s": whole(60)}
+        env = make_env(action="discrete", traffic=real(0.5), frame_skip=whole(4), task=task)
         seen, _ = env.reset(seed=whole(3))
         moved = env.step(whole(24))
         found.append([*seen.tolist(), *moved[0].tolist(), moved[1], env.task.goal])
-        env.close()
     assert found[0] == found[1] == found[2]
 
 

@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from shared_fixtures.drives.straight_drives import MakeEnv
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 import carlaloc_env
@@ -32,10 +33,8 @@ LIDAR = SensorRig(name="lidar", sensors=(LidarConfig(columns=200), ImuConfig()))
 
 
 @pytest.fixture
-def env(straight_map: Path) -> Any:
-    made = CarlaLocEnv(map=straight_map, rig="state", traffic=FEW)
-    yield made
-    made.close()
+def env(make_env: MakeEnv) -> CarlaLocEnv:
+    return make_env(traffic=FEW)
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -45,12 +44,11 @@ def _same(a: Any, b: Any) -> bool:
 
 
 @pytest.mark.parametrize("action", ["controls", "continuous", "ackermann", "discrete"])
-def test_gymnasium_checks_pass_with_every_kind_of_action(action: str, straight_map: Path) -> None:
-    env = CarlaLocEnv(map=straight_map, rig="state", action=action, traffic=FEW)
+def test_gymnasium_checks_pass_with_every_kind_of_action(action: str, make_env: MakeEnv) -> None:
+    env = make_env(action=action, traffic=FEW)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env, skip_render_check=True)
-    env.close()
 
 
 def test_every_town_is_registered() -> None:
@@ -73,10 +71,10 @@ def _drive(env: gymnasium.Env[Any, Any], seed: int, steps: int = 30) -> list[Any
 
 
 @pytest.mark.parametrize("rig", ["bev", LIDAR], ids=["bev", "lidar"])
-def test_the_same_seed_is_the_same_drive(straight_map: Path, rig: str | SensorRig) -> None:
+def test_the_same_seed_is_the_same_drive(make_env: MakeEnv, rig: str | SensorRig) -> None:
     """In another environment, after other episodes, and in a copy."""
-    settings: dict[str, Any] = {"map": straight_map, "rig": rig, "traffic": FEW, "route": "random"}
-    first, second = CarlaLocEnv(**settings), CarlaLocEnv(**settings)
+    settings: dict[str, Any] = {"rig": rig, "traffic": FEW, "route": "random"}
+    first, second = make_env(**settings), make_env(**settings)
     told, other = _drive(first, 4), _drive(second, 4)
     assert all(_same(a, b) for a, b in zip(told, other, strict=True))
     first.reset(seed=5, options={"route": "town", "traffic": "empty", "weather": "RainyNight"})
@@ -85,11 +83,10 @@ def test_the_same_seed_is_the_same_drive(straight_map: Path, rig: str | SensorRi
     copied = pickle.loads(pickle.dumps(first))
     assert all(_same(a, b) for a, b in zip(told, _drive(copied, 4), strict=True))
     assert not all(_same(a, b) for a, b in zip(told, _drive(second, 5), strict=True))
-    for env in (first, second, copied):
-        env.close()
+    copied.close()
 
 
-def test_vectors_of_environments_agree_byte_for_byte(straight_map: Path) -> None:
+def test_vectors_of_environments_agree_byte_for_byte(make_env: MakeEnv, straight_map: Path) -> None:
     """Synchronous, in processes of their own, and alone, over the ends of episodes."""
     settings: dict[str, Any] = {"map": str(straight_map), "rig": "state", "traffic": FEW}
     settings["task"] = {"time_limit_s": 0.4}
@@ -104,7 +101,7 @@ def test_vectors_of_environments_agree_byte_for_byte(straight_map: Path) -> None
         found.append(told)
         both.close()
     assert all(_same(a, b) for a, b in zip(*found, strict=True))
-    alone, over, reward = CarlaLocEnv(**settings), False, 0.0
+    alone, over, reward = make_env(**settings), False, 0.0
     assert _same(alone.reset(seed=8)[0], found[0][0][1])
     for number in range(20):
         if over:
@@ -113,14 +110,12 @@ def test_vectors_of_environments_agree_byte_for_byte(straight_map: Path) -> None
             observation, reward, _, over, _ = alone.step(np.array([0.1, 0.3], np.float32))
         assert _same(observation, found[0][1 + 2 * number][1])
         assert reward == found[0][2 + 2 * number][1]
-    alone.close()
 
 
 @pytest.mark.parametrize("rig", ["state", "bev"])
-def test_a_frame_skip_is_as_many_steps(straight_map: Path, rig: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frame_skip_is_as_many_steps(make_env: MakeEnv, rig: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is drawn for steps after which nobody looks, and nothing that is seen depends on that."""
-    settings: dict[str, Any] = {"map": straight_map, "rig": rig, "traffic": FEW}
-    single, four = CarlaLocEnv(**settings), CarlaLocEnv(frame_skip=4, **settings)
+    single, four = (make_env(rig=rig, traffic=FEW, frame_skip=skip) for skip in (1, 4))
     single.reset(seed=1)
     four.reset(seed=1)
     earned = [single.step(GO) for _ in range(8)]
@@ -133,21 +128,18 @@ def test_a_frame_skip_is_as_many_steps(straight_map: Path, rig: str, monkeypatch
         assert reward == pytest.approx(sum(step[1] for step in steps), abs=1e-12)
         assert info["stamp_ns"] == (number + 1) * 200_000_000
     assert len(drawn) == (2 if rig == "bev" else 0)
-    single.close()
-    four.close()
 
 
-def test_no_sample_of_a_skipped_step_is_lost(straight_map: Path) -> None:
-    env = CarlaLocEnv(map=straight_map, rig=IMU, traffic="empty", frame_skip=4)
+def test_no_sample_of_a_skipped_step_is_lost(make_env: MakeEnv) -> None:
+    env = make_env(rig=IMU, frame_skip=4)
     env.reset(seed=1)
     stamps = [sample.stamp_ns for sample in env.step(GO)[-1]["samples"]]
     assert stamps == [5_000_000 * (k + 1) for k in range(40)]
-    env.close()
 
 
-def test_rewards_are_the_sum_of_their_terms(straight_map: Path) -> None:
+def test_rewards_are_the_sum_of_their_terms(make_env: MakeEnv) -> None:
     """That of progress is the metres driven, as the truth tells them."""
-    env = CarlaLocEnv(map=straight_map, rig="state", traffic=FEW, info=("truth",))
+    env = make_env(traffic=FEW, info=("truth",))
     start = env.reset(seed=2)[1]["truth"].position_m
     progress_m = 0.0
     for _ in range(40):
@@ -158,12 +150,11 @@ def test_rewards_are_the_sum_of_their_terms(straight_map: Path) -> None:
     assert progress_m == pytest.approx(float(np.linalg.norm(info["truth"].position_m - start)), rel=0.02)
     assert 0.0 < info["route_completion"] < 1.0
     assert info["is_success"] is False
-    env.close()
 
 
-def test_observation_and_truth_agree(straight_map: Path) -> None:
+def test_observation_and_truth_agree(make_env: MakeEnv) -> None:
     """The speedometer and the last truth show the same speed; at rest the IMU reads gravity upwards."""
-    env = CarlaLocEnv(map=straight_map, rig=rig_by_name("state"), traffic=FEW, info=("samples", "truth"))
+    env = make_env(rig=rig_by_name("state"), traffic=FEW, info=("samples", "truth"))
     observation, info = env.reset(seed=1)
     assert observation["imu"].shape == (10, 6)
     for _ in range(40):
@@ -174,7 +165,6 @@ def test_observation_and_truth_agree(straight_map: Path) -> None:
     rest = np.array([0.0, -1.0], np.float32)
     readings = np.concatenate([env.step(rest)[0]["imu"] for _ in range(20)])
     assert readings[:, 2].mean() == pytest.approx(9.81, abs=0.02)
-    env.close()
 
 
 @pytest.mark.parametrize(
@@ -192,15 +182,14 @@ def test_observation_and_truth_agree(straight_map: Path) -> None:
         ("discrete", 45),
     ],
 )
-def test_bad_actions_move_nothing(straight_map: Path, kind: str, bad: Any) -> None:
-    env = CarlaLocEnv(map=straight_map, rig="state", action=kind, traffic="empty")
+def test_bad_actions_move_nothing(make_env: MakeEnv, kind: str, bad: Any) -> None:
+    env = make_env(action=kind)
     env.reset(seed=3)
     before = env.world.now_ns, env.world.state.position_m.copy()
     with pytest.raises(ActionError, match=r"give .*(number|finite)"):
         env.step(bad)
     assert env.world.now_ns == before[0]
     np.testing.assert_array_equal(env.world.state.position_m, before[1])
-    env.close()
 
 
 @pytest.mark.parametrize(
@@ -262,9 +251,9 @@ def test_options_hold_for_one_episode(env: CarlaLocEnv) -> None:
     assert _same(own, again)
 
 
-def test_a_start_on_the_way_leaves_the_route_before_it_out(straight_map: Path) -> None:
+def test_a_start_on_the_way_leaves_the_route_before_it_out(make_env: MakeEnv) -> None:
     """The end stays; `anywhere` is drawn by the seed, evenly over nine tenths of the way."""
-    env = CarlaLocEnv(map=straight_map, rig="state", traffic="empty", start="anywhere")
+    env = make_env(start="anywhere")
     _, whole = env.reset(seed=1, options={"start": 0.0})
     begin, end = env.world.route.position_m[[0, -1]]
     _, half = env.reset(seed=1, options={"start": 0.5})
@@ -277,13 +266,12 @@ def test_a_start_on_the_way_leaves_the_route_before_it_out(straight_map: Path) -
     assert -1e-9 <= min(shares) <= max(shares) < 0.9
     # The mean of 12 draws from 0 to 0.9 has a standard error of 0.075.
     assert np.mean(shares[:-1]) == pytest.approx(0.45, abs=0.25)
-    env.close()
 
 
-def test_rendering_gives_a_picture(straight_map: Path) -> None:
+def test_rendering_gives_a_picture(make_env: MakeEnv) -> None:
     """`render` gives an RGB picture that is neither black nor white nor flat."""
     need_opengl()
-    env = CarlaLocEnv(map=straight_map, rig="state", traffic=FEW, render_mode="rgb_array")
+    env = make_env(traffic=FEW, render_mode="rgb_array")
     with pytest.raises(ActionError, match="render before reset"):
         env.render()
     env.reset(seed=0)
@@ -292,7 +280,6 @@ def test_rendering_gives_a_picture(straight_map: Path) -> None:
     assert picture.shape == (360, 640, 3)
     assert 30 < picture.mean() < 225
     assert picture.std() > 15
-    env.close()
 
 
 def test_any_town_draws_by_the_seed(straight_map: Path, tmp_path: Path) -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from shared_fixtures.drives.straight_drives import MakeEnv
 
 from carlaloc_env.core.ego_car import EGO_FRONT_M
-from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.envs.task.config import TaskConfig
 from carlaloc_env.traffic.signals import SignalState
 
@@ -16,11 +14,9 @@ GO = np.array([0.0, 0.6], np.float32)
 REST = np.array([0.0, -1.0], np.float32)
 
 
-def test_the_end_of_the_route_is_a_success(straight_map: Path) -> None:
+def test_the_end_of_the_route_is_a_success(make_env: MakeEnv) -> None:
     """100 m but for the last two are earned metre by metre, and the end once."""
-    env = CarlaLocEnv(
-        straight_map, "state", traffic="empty", task={"speeding_per_mps_s": 0.0, "time_limit_s": 60.0}
-    )
+    env = make_env(task={"speeding_per_mps_s": 0.0, "time_limit_s": 60.0})
     env.reset(seed=0, options={"spawn": (20.0, 0.0), "goal": (120.0, 0.0)})
     terms: dict[str, float] = {}
     for _ in range(600):
@@ -33,12 +29,11 @@ def test_the_end_of_the_route_is_a_success(straight_map: Path) -> None:
     assert info["route_completion"] == 1.0
     assert terms["goal"] == TaskConfig().goal
     assert info["cost"] == 0.0
-    env.close()
 
 
-def test_speeding_costs_more_than_it_gains(straight_map: Path) -> None:
+def test_speeding_costs_more_than_it_gains(make_env: MakeEnv) -> None:
     """Over a limit of 50 km/h, as OpenDRIVE says where a road has none: gains less costs fall with speed."""
-    env = CarlaLocEnv(straight_map, "state", traffic="empty")
+    env = make_env()
     env.reset(seed=0)
     for _ in range(400):
         _, _, ended, _, info = env.step(np.array([0.0, 1.0], np.float32))
@@ -48,11 +43,10 @@ def test_speeding_costs_more_than_it_gains(straight_map: Path) -> None:
     excess = speed - float(env.world.route.speed_limit_mps[0])
     assert excess > 0.5
     assert info["reward_terms"]["speeding"] == pytest.approx(-1.5 * excess * 0.05, rel=1e-6)
-    env.close()
 
 
-def test_leaving_the_road_ends_the_episode(straight_map: Path) -> None:
-    env = CarlaLocEnv(straight_map, "state", traffic="empty")
+def test_leaving_the_road_ends_the_episode(make_env: MakeEnv) -> None:
+    env = make_env()
     env.reset(seed=0)
     for _ in range(200):
         _, _, ended, _, info = env.step(np.array([0.5, 0.5], np.float32))
@@ -62,15 +56,11 @@ def test_leaving_the_road_ends_the_episode(straight_map: Path) -> None:
     assert info["cost_terms"] == {"red_light": 0.0, "collision": 0.0, "off_road": 1.0}
     # The lane is 3.5 m wide and the car 1.85 m: it is off when its middle is 2.7 m from the lane's.
     assert abs(info["route_offset_m"]) == pytest.approx(1.75 + 0.925, abs=0.8)
-    env.close()
 
 
-def test_standing_and_time_truncate(straight_map: Path) -> None:
-    for task, word, seconds in (
-        ({"standing_limit_s": 1.0}, "standing", 1.0),
-        ({"time_limit_s": 1.5}, "time", 1.5),
-    ):
-        env = CarlaLocEnv(straight_map, "state", traffic="empty", task=task)
+def test_standing_and_time_truncate(make_env: MakeEnv) -> None:
+    for limit, word, seconds in (("standing_limit_s", "standing", 1.0), ("time_limit_s", "time", 1.5)):
+        env = make_env(task={limit: seconds})
         env.reset(seed=0)
         for _ in range(60):
             _, _, ended, over, info = env.step(REST)
@@ -78,12 +68,11 @@ def test_standing_and_time_truncate(straight_map: Path) -> None:
                 break
         assert (ended, over, info["ended_by"]) == (False, True, word)
         assert info["stamp_ns"] * 1e-9 == pytest.approx(seconds, abs=0.11)
-        env.close()
 
 
-def test_a_car_run_into_is_a_collision() -> None:
+def test_a_car_run_into_is_a_collision(make_env: MakeEnv) -> None:
     """Full throttle through Town01 meets somebody; the touch is in `info` with the impulse that ended it."""
-    env = CarlaLocEnv("Town01", "state", task={"off_road": 0.0, "off_route_m": 1000.0})
+    env = make_env(map="Town01", traffic="dynamic", task={"off_road": 0.0, "off_route_m": 1000.0})
     env.reset(seed=3)
     for _ in range(600):
         _, reward, ended, _, info = env.step(np.array([0.0, 0.5], np.float32))
@@ -93,12 +82,11 @@ def test_a_car_run_into_is_a_collision() -> None:
     assert max(contact.impulse_ns for contact in info["contacts"]) > TaskConfig().collision_impulse_ns
     assert info["cost_terms"]["collision"] == 1.0
     assert reward < -TaskConfig().collision + 1.0
-    env.close()
 
 
-def test_a_stop_line_passed_at_red_costs_once() -> None:
+def test_a_stop_line_passed_at_red_costs_once(make_env: MakeEnv) -> None:
     """Every light of the route is passed by a car without others; lights alone tell which were red."""
-    env = CarlaLocEnv("Town01", "state", traffic="empty", task={"speeding_per_mps_s": 0.0})
+    env = make_env(map="Town01", task={"speeding_per_mps_s": 0.0})
     spent, expected, passed = 0.0, 0, 0
     lines_m: list[float] = []
     for line in range(4):
@@ -126,4 +114,3 @@ def test_a_stop_line_passed_at_red_costs_once() -> None:
     assert passed >= 2
     assert expected >= 1
     assert spent == pytest.approx(expected * TaskConfig().red_light)
-    env.close()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_fixtures.drives.straight_drives import MakeEnv
 from shared_fixtures.worlds.small_towns import straight_road
 
 from carlaloc_env.core.errors import ConfigError, MapError
@@ -36,14 +37,13 @@ def street(folder: Path, length_m: float, lanes: tuple[tuple[str, float], ...], 
 
 
 @pytest.mark.parametrize("route", ["town", "random"])
-def test_a_road_of_30_m_resets_and_steps(tmp_path: Path, route: str) -> None:
-    env = CarlaLocEnv(map=street(tmp_path, 30.0, (("driving", 3.5),)), rig="state")
+def test_a_road_of_30_m_resets_and_steps(make_env: MakeEnv, tmp_path: Path, route: str) -> None:
+    env = make_env(map=street(tmp_path, 30.0, (("driving", 3.5),)), traffic="dynamic")
     for seed in range(3):
         _, told = env.reset(seed=seed, options={"route": route})
         assert 10.0 < told["route_length_m"] <= 30.0
         for _ in range(5):
             env.step(np.array([0.0, 0.2], np.float32))
-    env.close()
 
 
 def test_a_route_alone_makes_a_town(tmp_path: Path) -> None:
@@ -88,11 +88,10 @@ def test_an_episode_without_a_tick_has_no_nan(tmp_path: Path, capsys: pytest.Cap
     assert "nan" not in capsys.readouterr().out
 
 
-def test_a_road_of_a_junction_that_is_not_there_is_driven_on(tmp_path: Path) -> None:
+def test_a_road_of_a_junction_that_is_not_there_is_driven_on(make_env: MakeEnv, tmp_path: Path) -> None:
     """As in a map cut out of a larger one."""
     path = street(tmp_path, 40.0, (("driving", 3.5),))
     path.write_text(path.read_text().replace('junction="-1"', 'junction="371"'))
-    env = CarlaLocEnv(map=path, rig="state", traffic="static")
+    env = make_env(map=path, traffic="static")
     env.reset(seed=1)
     assert env.world.route.length_m > 20.0
-    env.close()

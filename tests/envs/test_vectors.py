@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
+from shared_fixtures.drives.straight_drives import MakeEnv
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
@@ -32,15 +33,14 @@ def _driven(env: CarlaLocEnv, seed: int, steps: int = 30) -> np.ndarray[Any, Any
     return np.array(seen)
 
 
-def test_a_seed_is_the_same_after_other_episodes(straight_map: Path) -> None:
-    env = CarlaLocEnv(map=straight_map, rig="state", traffic=0.5)
+def test_a_seed_is_the_same_after_other_episodes(make_env: MakeEnv) -> None:
+    env = make_env(traffic=0.5)
     first = _driven(env, 7)
     for other in (1, 2):
         _driven(env, other, 12)
     env.reset(seed=5, options={"traffic": "static", "weather": "RainyNight"})
     env.step(GO)
     np.testing.assert_array_equal(first, _driven(env, 7))
-    env.close()
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))

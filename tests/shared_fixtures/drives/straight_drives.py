@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from recorder.drive.record import RecordConfig, record
 from recorder.replaying.plan import ReplayConfig
 
@@ -31,6 +34,9 @@ sensors:
   outputs: [rgb]
 """
 STATE_RIG = "name: few\nsensors:\n- {kind: imu}\n- {kind: gnss}\n"
+
+
+MakeEnv = Callable[..., CarlaLocEnv]
 
 
 @dataclass(frozen=True)
@@ -72,3 +78,11 @@ def straight_drive(tmp_path_factory: pytest.TempPathFactory, straight_map: Path)
     drive.rig.write_text(RIG)
     drive.state_rig.write_text(STATE_RIG)
     return drive
+
+
+@pytest.fixture
+def make_env(straight_map: Path) -> Iterator[MakeEnv]:
+    """Makes environments, closed in the end: of the straight map, without traffic, `state`, if not said."""
+    usual: dict[str, Any] = {"map": straight_map, "rig": "state", "traffic": "empty"}
+    with ExitStack() as made:
+        yield lambda **settings: made.enter_context(closing(CarlaLocEnv(**usual | settings)))
