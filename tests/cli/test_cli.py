@@ -76,18 +76,8 @@ def test_replay_and_evaluate(episode: Path, tmp_path: Path, capfd: Capture) -> N
     estimate = tmp_path / "shifted.tum"
     np.savetxt(estimate, rows, fmt="%.9f")
     for align, error_m in (("none", 5.0), ("se3", 0.0)):
-        scores = run_json(
-            capfd,
-            "evaluate",
-            "--truth",
-            str(truth),
-            str(estimate),
-            "--align",
-            align,
-            "--plot",
-            str(tmp_path),
-            "--force",
-        )
+        words = ["--align", align, "--plot", str(tmp_path), "--force"]
+        scores = run_json(capfd, "evaluate", "--truth", str(truth), str(estimate), *words)
         ape = scores["results"][0]["metrics"]["ape_translation"]
         assert ape["rmse"] == pytest.approx(error_m, abs=1e-6)
     assert (tmp_path / "trajectories.png").stat().st_size > 10_000

@@ -88,10 +88,7 @@ def test_absolute_times_of_the_same_clock(
     code: str, unit_ns: int, header_ns: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Wherever the header's stamp lies: the points' own times count."""
-    found = scans(
-        lambda begin: {"timestamp": after(-begin, unit_ns, code)},
-        headers(header_ns),
-    )
+    found = scans(lambda begin: {"timestamp": after(-begin, unit_ns, code)}, headers(header_ns))
     expect_sweeps(found)
     assert not caplog.messages
 

@@ -146,9 +146,7 @@ def test_lever_arm() -> None:
 
 
 @pytest.mark.parametrize(
-    "position",
-    [np.zeros((50, 3)), np.repeat([[1e5, 2e5, 3e5]], 50, axis=0)],
-    ids=["point", "far point"],
+    "position", [np.zeros((50, 3)), np.repeat([[1e5, 2e5, 3e5]], 50, axis=0)], ids=["point", "far point"]
 )
 def test_degenerate_paths_are_refused(position: np.ndarray) -> None:
     quat = np.tile([0.0, 0.0, 0.0, 1.0], (50, 1))

@@ -241,8 +241,7 @@ def test_a_ray_does_not_depend_on_its_company(scenery: Any) -> None:
     frame = scenery.frame([[10, 0, 0], [12, 9, 0], [-9, 3, 0]], [0.1, 1.0, 2.0], 0.0)
     drive = scenery.drive(scenery.straight(), 0.2, catalog, lambda t: frame)
     world = scenery.world(
-        [scenery.ground(), scenery.box([20, -8, 0], [30, 8, 12])],
-        {"saloon": scenery.box(CAR_LOW, CAR_HIGH)},
+        [scenery.ground(), scenery.box([20, -8, 0], [30, 8, 12])], {"saloon": scenery.box(CAR_LOW, CAR_HIGH)}
     )
     origins, d, stamps = random_rays(8000, 12)
     every = world.rays().cast(origins, d, stamps, drive, 100.0)

@@ -92,11 +92,7 @@ def finish(drive: StraightDrive, out: Path, whole: dict[str, str]) -> str:
     ],
 )
 def test_asked_to_end_it_says_how_to_go_on_and_killed_it_goes_on(
-    number: int,
-    workers: int,
-    straight_drive: StraightDrive,
-    whole: dict[str, str],
-    tmp_path: Path,
+    number: int, workers: int, straight_drive: StraightDrive, whole: dict[str, str], tmp_path: Path
 ) -> None:
     out = tmp_path / "data"
     child = start(command(straight_drive, out, workers), out, 1)

@@ -158,16 +158,8 @@ def test_alone_equals_among_others(scenery: Any, replayed: dict[Any, Any], name:
 def test_shuffled_stretches_equal_forwards(scenery: Any, replayed: dict[Any, Any]) -> None:
     """Stretches of odd lengths, in any order, by workers that know nothing of each other."""
     borders = [
-        -1,
-        0,
-        7_000_001,
-        50_000_000,
-        161_803_398,
-        271_828_182,
-        500_000_000,
-        941_421_356,
-        STEPS * STEP_NS,
-    ]
+        -1, 0, 7_000_001, 50_000_000, 161_803_398, 271_828_182, 500_000_000, 941_421_356, STEPS * STEP_NS,
+    ]  # fmt: skip
     spans = list(itertools.pairwise(borders))
     samples: list[Sample] = []
     for k in np.random.default_rng(1).permutation(len(spans)):

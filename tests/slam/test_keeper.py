@@ -78,8 +78,7 @@ def test_an_orphan_ends_and_its_time_is_counted(programs: tuple[str, str, str]) 
 
 
 @pytest.mark.parametrize(
-    ("code", "status"),
-    [("import sys; sys.exit(3)", 3), ("import os; os.abort()", -signal.SIGABRT)],
+    ("code", "status"), [("import sys; sys.exit(3)", 3), ("import os; os.abort()", -signal.SIGABRT)]
 )
 def test_it_ends_as_its_command_does(code: str, status: int) -> None:
     assert subprocess.run(kept([sys.executable, "-c", code]), check=False).returncode == status

@@ -44,8 +44,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> SlamSequence:
 
 
 @pytest.mark.parametrize(
-    ("file", "program"),
-    [("genz_icp_pipeline.yaml", "genz_icp_pipeline"), ("a_loam.yaml", "aloam_velodyne")],
+    ("file", "program"), [("genz_icp_pipeline.yaml", "genz_icp_pipeline"), ("a_loam.yaml", "aloam_velodyne")]
 )
 def test_poses_stand_where_the_file_says(file: str, program: str, room: SlamSequence) -> None:
     """At constant speed the LiDAR was in the place of a pose at the stated instant, to a third of a sweep."""

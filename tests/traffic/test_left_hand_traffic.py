@@ -43,16 +43,9 @@ def ring(rule: str) -> str:
     """A closed road of 388.5 m, anticlockwise, a lane each way."""
     half = 30.0 * np.pi
     return RING.format(
-        length=200.0 + 2.0 * half,
-        half=half,
-        second=100.0 + half,
-        third=200.0 + half,
-        bend=1.0 / 30.0,
-        pi=np.pi,
-        rule=rule,
-        left=LANE.format(1),
-        right=LANE.format(-1),
-    )
+        length=200.0 + 2.0 * half, half=half, second=100.0 + half, third=200.0 + half, bend=1.0 / 30.0,
+        pi=np.pi, rule=rule, left=LANE.format(1), right=LANE.format(-1),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -38,10 +38,7 @@ sensors:
    pinhole: {width_px: 64, height_px: 40, fx_px: 32, fy_px: 32, cx_px: 32, cy_px: 20}}
 """
 EXAMPLES = Path(__file__).parents[2] / "examples"
-PARTS = {
-    *EXAMPLES.glob("learning/*.py"),
-    *EXAMPLES.glob("own_sensors/*.py"),
-}
+PARTS = {*EXAMPLES.glob("learning/*.py"), *EXAMPLES.glob("own_sensors/*.py")}
 """Parts of examples, without a `main` of their own."""
 
 

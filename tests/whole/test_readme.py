@@ -51,9 +51,7 @@ def mentions(page: Path) -> list[list[str]]:
 
 
 @pytest.mark.parametrize(
-    "words",
-    [words for page in PAGES for words in command_lines(page)],
-    ids=lambda words: " ".join(words),
+    "words", [words for page in PAGES for words in command_lines(page)], ids=lambda words: " ".join(words)
 )
 def test_every_command_parses(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No option that does not exist, none that is missing."""

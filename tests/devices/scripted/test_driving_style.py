@@ -11,16 +11,9 @@ from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.traffic.signals import SignalState
 
 TOWN = (
-    (150.0, 0.0),
-    (RIGHT_ANGLE * 13, 1 / 13),
-    (120.0, 0.0),
-    (RIGHT_ANGLE * 10, -1 / 10),
-    (130.0, 0.0),
-    (70.0, 1 / 60),
-    (60.0, 0.0),
-    (70.0, -1 / 60),
-    (120.0, 0.0),
-)
+    (150.0, 0.0), (RIGHT_ANGLE * 13, 1 / 13), (120.0, 0.0), (RIGHT_ANGLE * 10, -1 / 10), (130.0, 0.0),
+    (70.0, 1 / 60), (60.0, 0.0), (70.0, -1 / 60), (120.0, 0.0),
+)  # fmt: skip
 
 
 def town_light(time: float) -> SignalState:

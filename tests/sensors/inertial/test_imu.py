@@ -153,10 +153,7 @@ def test_orientation_on_request(scenery: Any) -> None:
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
-    [
-        ({"orientation": "thruth"}, "did you mean 'truth'"),
-        ({"scale_error": -0.1}, "≥ 0"),
-    ],
+    [({"orientation": "thruth"}, "did you mean 'truth'"), ({"scale_error": -0.1}, "≥ 0")],
 )
 def test_wrong_configurations_are_refused(wrong: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):

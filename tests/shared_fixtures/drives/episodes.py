@@ -26,18 +26,10 @@ def catalog_of(count: int) -> ActorCatalog:
 
 def header_of(count: int) -> EpisodeHeader:
     return EpisodeHeader(
-        map_name="Town03",
-        town_hash="ab12",
-        seed=7,
-        catalog=catalog_of(count),
-        route={"points": [[0.1, 2.0]], "loop": True},
-        rig="paper",
-        traffic={"vehicles": count},
-        weather="ClearNoon",
-        device="scripted",
-        versions={"pybullet": "3.2.7"},
-        history=("cut 0–5 s",),
-    )
+        map_name="Town03", town_hash="ab12", seed=7, catalog=catalog_of(count),
+        route={"points": [[0.1, 2.0]], "loop": True}, rig="paper", traffic={"vehicles": count},
+        weather="ClearNoon", device="scripted", versions={"pybullet": "3.2.7"}, history=("cut 0–5 s",),
+    )  # fmt: skip
 
 
 def frame_of(step: int, count: int) -> ActorFrame:

@@ -99,16 +99,10 @@ def message_of(store: Any, rows: Any, header_ns: int, dressing: Dressing) -> Any
         if name != "pad"
     ]
     return kinds[CLOUD](
-        header=_header(store, header_ns),
-        height=dressing.height,
-        width=width,
-        fields=fields,
-        is_bigendian=dressing.order == ">",
-        point_step=kind.itemsize,
-        row_step=data.shape[1],
-        data=data.reshape(-1),
-        is_dense=not dressing.no_return,
-    )
+        header=_header(store, header_ns), height=dressing.height, width=width, fields=fields,
+        is_bigendian=dressing.order == ">", point_step=kind.itemsize, row_step=data.shape[1],
+        data=data.reshape(-1), is_dense=not dressing.no_return,
+    )  # fmt: skip
 
 
 def livox(store: Any, number: int) -> Any:

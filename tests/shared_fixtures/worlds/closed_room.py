@@ -62,16 +62,10 @@ def write_room_bag(path: Path, elevations_deg: Array) -> None:
             stamp_ns = round((EPOCH_S + k * SWEEP_S) * 1e9)
             time = kinds["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
             message = kinds[cloud](
-                header=header(seq=k, stamp=time, frame_id="lidar"),
-                height=1,
-                width=len(data),
-                fields=fields,
-                is_bigendian=False,
-                point_step=16,
-                row_step=16 * len(data),
-                data=data.reshape(-1).view(np.uint8),
-                is_dense=True,
-            )
+                header=header(seq=k, stamp=time, frame_id="lidar"), height=1, width=len(data),
+                fields=fields, is_bigendian=False, point_step=16, row_step=16 * len(data),
+                data=data.reshape(-1).view(np.uint8), is_dense=True,
+            )  # fmt: skip
             writer.write(connection, stamp_ns, store.serialize_ros1(message, cloud))
 
 

@@ -133,10 +133,7 @@ def test_curve_of_another_length_is_named(tmp_path: pathlib.Path) -> None:
 
 @pytest.mark.parametrize(
     ("path", "lane_km", "junction_lane_km", "junctions", "errors"),
-    [
-        carla_map("Town01", 4.96 + 1.44, 1.44, 12, 0),
-        carla_map("Town07", 4.47 + 2.68, 2.68, 31, 1),
-    ],
+    [carla_map("Town01", 4.96 + 1.44, 1.44, 12, 0), carla_map("Town07", 4.47 + 2.68, 2.68, 31, 1)],
 )
 def test_carla_maps(
     path: pathlib.Path, lane_km: float, junction_lane_km: float, junctions: int, errors: int

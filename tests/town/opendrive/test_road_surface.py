@@ -85,8 +85,7 @@ def test_heading_of_a_widening_lane_is_its_tangent() -> None:
 def test_left_hand_traffic_turns_the_lanes_round() -> None:
     """With rule LHT the lane left of the line runs with s, and passing lanes lie to its right."""
     second = LANES.replace(
-        "<left>",
-        '<left><lane id="2" type="driving"><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>',
+        "<left>", '<left><lane id="2" type="driving"><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>'
     )
     for rule, lane_id, heading in (("RHT", -1, H0), ("LHT", 1, H0), ("LHT", -1, H0 + math.pi)):
         network = build_network(road("<line/>", 20.0, lanes=second, attributes=f'rule="{rule}"'))
