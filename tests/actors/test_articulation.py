@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
+from shared_fixtures.worlds.meshes import model
 from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.actors.instances import place_actors, place_ego, place_lights
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
-from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.assets.vehicles.cycles import CRANK_TRAVEL_M, PEDAL_PHASES
 from carlaloc_env.assets.walkers.gait import SHANK, THIGH
 from carlaloc_env.assets.walkers.pedalling import FOOT_M, pedal_at, push_pedals
@@ -18,20 +17,11 @@ from carlaloc_env.assets.walkers.skeleton import Joints
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary
+from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.snapshot import ego_lights
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_REVERSE, ActorCatalog, ActorFrame
 from carlaloc_env.timeline.vehicle_track import CarTrack
-
-
-@pytest.fixture(scope="module")
-def library() -> ModelLibrary:
-    return build_library()
-
-
-def model(library: ModelLibrary, name: str) -> Mesh:
-    return library.meshes[library.index(name)]
 
 
 def actors(*names: str) -> tuple[ActorCatalog, ActorFrame]:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.actors.instances import instances_at
-from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core.geometry.transforms import from_rotation
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.signal_lenses import SignalLenses
@@ -17,11 +15,6 @@ from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE
 
 ACTOR = EGO_INSTANCE + 7
-
-
-@pytest.fixture(scope="module")
-def library() -> ModelLibrary:
-    return build_library()
 
 
 def instant() -> tuple[Snapshot, SignalLenses]:

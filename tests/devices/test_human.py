@@ -20,7 +20,7 @@ from carlaloc_env.town.routing.route import Route
 from recorder.devices.commands import Command
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
-from recorder.devices.profile import DeviceProfile, known_profiles, read_profile
+from recorder.devices.profile import known_profiles, read_profile
 
 pytest.importorskip("pygame")
 
@@ -36,25 +36,14 @@ SHIPPED = "name: Virtual Wheel\nkind: wheel\nrotation_deg: 900\n" + "\n".join(
         "buttons: {handbrake: 0, reverse: 1, camera: 3}",
     )
 )
-
-
-@pytest.fixture
-def profiles() -> list[DeviceProfile]:
-    return [read_profile(SHIPPED, "test")]
+PROFILES = [read_profile(SHIPPED, "test")]
 
 
 def view(route: Route, speed_mps: float = 0.0) -> DriverView:
     return DriverView(
-        tick=0,
-        position_m=np.zeros(3),
-        heading_rad=0.0,
-        speed_mps=speed_mps,
-        acceleration_mps2=0.0,
-        route=route,
-        route_s_m=0.0,
-        offset_m=0.0,
-        speed_limit_mps=13.9,
-    )
+        tick=0, position_m=np.zeros(3), heading_rad=0.0, speed_mps=speed_mps, acceleration_mps2=0.0,
+        route=route, route_s_m=0.0, offset_m=0.0, speed_limit_mps=13.9,
+    )  # fmt: skip
 
 
 def run(device: HumanDevice, seen: DriverView, seconds: float) -> list[tuple[float, float, float]]:
@@ -68,11 +57,11 @@ def run(device: HumanDevice, seen: DriverView, seconds: float) -> list[tuple[flo
 
 
 def test_pedal_that_has_not_moved_is_not_half_pressed(
-    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
+    inputs: Inputs, straight_route: Route, plug: Plug
 ) -> None:
     with plug() as stick:
         inputs.pump()
-        device = HumanDevice("wheel", inputs, profiles)
+        device = HumanDevice("wheel", inputs, PROFILES)
         assert max(throttle for _, throttle, _ in run(device, view(straight_route), 0.5)) == 0.0
         stick.axis(2, 1.0)
         assert run(device, view(straight_route), 0.5)[-1][1] == 0.0
@@ -80,12 +69,10 @@ def test_pedal_that_has_not_moved_is_not_half_pressed(
         assert run(device, view(straight_route), 0.5)[-1][1] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_wheel_turns_the_road_wheels_by_its_ratio(
-    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
-) -> None:
+def test_wheel_turns_the_road_wheels_by_its_ratio(inputs: Inputs, straight_route: Route, plug: Plug) -> None:
     with plug() as stick:
         inputs.pump()
-        device = HumanDevice("wheel", inputs, profiles)
+        device = HumanDevice("wheel", inputs, PROFILES)
         stick.axis(0, -0.2)
         steer = run(device, view(straight_route), 1.0)[-1][0]
     params = VehicleParams()
@@ -94,11 +81,11 @@ def test_wheel_turns_the_road_wheels_by_its_ratio(
 
 
 def test_unplugging_brakes_gently_and_plugging_in_goes_on(
-    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
+    inputs: Inputs, straight_route: Route, plug: Plug
 ) -> None:
     stick = plug()
     inputs.pump()
-    device = HumanDevice("wheel", inputs, profiles)
+    device = HumanDevice("wheel", inputs, PROFILES)
     stick.axis(0, -0.3)
     stick.axis(2, -0.5)
     before = run(device, view(straight_route, 10.0), 1.0)
@@ -126,12 +113,10 @@ def test_unplugging_brakes_gently_and_plugging_in_goes_on(
         assert back[-1][2] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_buttons_become_commands(
-    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
-) -> None:
+def test_buttons_become_commands(inputs: Inputs, straight_route: Route, plug: Plug) -> None:
     with plug() as stick:
         inputs.pump()
-        device = HumanDevice("wheel", inputs, profiles)
+        device = HumanDevice("wheel", inputs, PROFILES)
         stick.button(3, True)
         device.poll()
         assert device.commands == [Command.CAMERA]
@@ -149,10 +134,6 @@ def test_buttons_become_commands(
 
 
 def test_pedals_of_their_own_go_before_the_wheels(inputs: Inputs, straight_route: Route, plug: Plug) -> None:
-    wheel = read_profile(SHIPPED, "test")
-    pedals = read_profile(
-        "name: Virtual GameController\nkind: pedals\nthrottle: {axis: 1, rest: -1.0, full: 1.0}\n", "test"
-    )
     with plug() as stick, plug(1) as feet:
         inputs.pump()
         names = {s.name for s in inputs}
@@ -161,7 +142,7 @@ def test_pedals_of_their_own_go_before_the_wheels(inputs: Inputs, straight_route
         pedals = read_profile(
             f"name: {other}\nkind: pedals\nthrottle: {{axis: 1, rest: -1.0, full: 1.0}}\n", "test"
         )
-        device = HumanDevice("wheel", inputs, [wheel, pedals])
+        device = HumanDevice("wheel", inputs, [*PROFILES, pedals])
         stick.axis(2, -1.0)
         stick.axis(0, -0.1)
         feet.axis(1, 0.0)
@@ -228,16 +209,16 @@ def test_combined_pedals_of_a_wheel_drive(inputs: Inputs, straight_route: Route,
 
 
 def test_a_profile_with_an_axis_that_is_not_there_is_refused_at_start(
-    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
+    inputs: Inputs, straight_route: Route, plug: Plug
 ) -> None:
     with plug(WHEEL, 2) as stick:
         inputs.pump()
         with pytest.raises(DeviceError, match=r"has 2 axes, but .* throttle from axis 2, .*--calibrate"):
-            HumanDevice("wheel", inputs, profiles)
+            HumanDevice("wheel", inputs, PROFILES)
         stick.unplug()
     with plug(WHEEL, 4) as stick:
         inputs.pump()
-        device = HumanDevice("wheel", inputs, profiles)
+        device = HumanDevice("wheel", inputs, PROFILES)
         stick.axis(0, 0.1)
         stick.unplug()
         run(device, view(straight_route), 0.1)
@@ -258,13 +239,11 @@ def test_a_stick_without_axes_is_no_wheel(inputs: Inputs, plug: Plug) -> None:
 
 
 @pytest.mark.soak
-def test_plugging_for_twenty_minutes(
-    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
-) -> None:
+def test_plugging_for_twenty_minutes(inputs: Inputs, straight_route: Route, plug: Plug) -> None:
     """In and out some thousand times, sticks moved by another thread meanwhile: nothing leaks or jumps."""
     device, stick = None, plug()
     inputs.pump()
-    device = HumanDevice("wheel", inputs, profiles)
+    device = HumanDevice("wheel", inputs, PROFILES)
     end, plugged, rng, last = time.monotonic() + 1200.0, True, np.random.default_rng(1), (0.0, 0.0, 0.0)
     rounds = 0
     while time.monotonic() < end:

@@ -43,18 +43,10 @@ def test_a_single_changed_pedal_is_found(drive: Path, tmp_path: Path) -> None:
                 controls = replace(controls, throttle=controls.throttle + 0.01)
             if k % 10 == 0 and k // 10 < len(episode.steps):
                 writer.step(k // 10, frames.actors_at(k * 5_000_000), frames.signals_at(k * 5_000_000))
-            writer.ego(
-                k,
-                EgoRow(
-                    position_m=row["position_m"],
-                    quat_xyzw=row["quat_xyzw"],
-                    velocity_world_mps=row["velocity_world_mps"],
-                    omega_body_radps=row["omega_body_radps"],
-                    controls=controls,
-                    road_wheel_rad=float(row["road_wheel_rad"]),
-                    speed_mps=float(row["speed_mps"]),
-                ),
-            )
+            vectors = ("position_m", "quat_xyzw", "velocity_world_mps", "omega_body_radps")
+            numbers = ("road_wheel_rad", "speed_mps")
+            motion = {name: row[name] for name in vectors} | {name: float(row[name]) for name in numbers}
+            writer.ego(k, EgoRow(controls=controls, **motion))
     result = resimulate(path)
     assert result.first_difference_tick is not None
     assert at <= result.first_difference_tick <= at + 2

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
+from shared_fixtures.drives.driver_runs import route_of
 from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.driving.crossing_traffic import crossing_traffic
@@ -17,19 +17,7 @@ FRONT_M = 3.75
 
 def eastward() -> Route:
     """A straight route of 200 m along the x axis."""
-    count = 401
-    zero = np.zeros(count)
-    return Route(
-        position_m=np.stack([np.arange(count) * 0.5, zero, zero], axis=-1),
-        heading_rad=zero,
-        slope=zero,
-        curvature_radpm=zero,
-        speed_limit_mps=zero + 13.9,
-        lane=np.zeros(count, np.int64),
-        lane_station_m=np.arange(count) * 0.5,
-        length_m=200.0,
-        closed=False,
-    )
+    return route_of([(200.0, 0.0)], 13.9)
 
 
 def car(

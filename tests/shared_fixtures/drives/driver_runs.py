@@ -104,39 +104,21 @@ def drive(
                 gap = gap if gap is not None and gap < 100.0 else None
             left = None if line_s_m is None else line_s_m - progress - FRONT_M
             left = left if left is not None and -4.0 < left < 100.0 else None
-            controls = driver.read(
-                DriverView(
-                    tick=tick,
-                    position_m=state.position_m,
-                    heading_rad=state.heading_rad,
-                    speed_mps=state.speed_mps,
-                    acceleration_mps2=state.acceleration_mps2,
-                    route=route,
-                    route_s_m=progress,
-                    offset_m=offset,
-                    speed_limit_mps=float(route.speed_limit_mps[0]),
-                    stop_line_distance_m=left,
-                    signal_state=0 if left is None else int(light(time)),
-                    leader_gap_m=gap,
-                    leader_speed_mps=speed_ahead,
-                )
-            )
+            view = DriverView(
+                tick=tick, position_m=state.position_m, heading_rad=state.heading_rad,
+                speed_mps=state.speed_mps, acceleration_mps2=state.acceleration_mps2,
+                route=route, route_s_m=progress, offset_m=offset, stop_line_distance_m=left,
+                speed_limit_mps=float(route.speed_limit_mps[0]), leader_gap_m=gap,
+                signal_state=0 if left is None else int(light(time)), leader_speed_mps=speed_ahead,
+            )  # fmt: skip
+            controls = driver.read(view)
             car.tick(controls)
             state = car.state()
             wheel = math.degrees(controls.steer * car.params.steer_max_rad) * car.params.steering_ratio
+            pedals = controls.throttle, controls.brake
+            far = [np.nan if way is None else way for way in (left, gap)]
             rows.append(
-                (
-                    time,
-                    progress,
-                    offset,
-                    state.speed_mps,
-                    state.acceleration_mps2,
-                    controls.throttle,
-                    controls.brake,
-                    wheel,
-                    np.nan if left is None else left,
-                    np.nan if gap is None else gap,
-                )
+                (time, progress, offset, state.speed_mps, state.acceleration_mps2, *pedals, wheel, *far)
             )
     return dict(zip(COLUMNS, np.array(rows, dtype=np.float64).T, strict=True))
 

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 
-import numpy as np
 import pytest
+from shared_fixtures.drives.driver_runs import route_of
 
 from carlaloc_env.town.routing.route import Route
 from recorder.devices.inputs import Inputs
@@ -87,19 +87,7 @@ def plug() -> type[VirtualStick]:
 @pytest.fixture
 def straight_route() -> Route:
     """A kilometre eastwards at 50 km/h."""
-    x = np.arange(0.0, 1001.0)
-    zero = np.zeros(len(x))
-    return Route(
-        position_m=np.stack([x, zero, zero], axis=1),
-        heading_rad=zero,
-        slope=zero,
-        curvature_radpm=zero,
-        speed_limit_mps=np.full(len(x), 13.9),
-        lane=np.zeros(len(x), dtype=np.int64),
-        lane_station_m=x,
-        length_m=1000.0,
-        closed=False,
-    )
+    return route_of([(1000.0, 0.0)], 13.9)
 
 
 @pytest.fixture
