@@ -20,6 +20,7 @@ from gymnasium.wrappers import (
     RecordVideo,
     TimeLimit,
 )
+from shared_fixtures.drives.straight_drives import MakeEnv
 from shared_fixtures.processes.lifecycles import runs
 from shared_fixtures.worlds.render_scenes import need_opengl
 
@@ -44,10 +45,8 @@ if __name__ == "__main__":
 
 
 @pytest.fixture
-def env(straight_map: Path) -> Any:
-    made = CarlaLocEnv(map=straight_map, rig="bev", traffic="empty")
-    yield made
-    made.close()
+def env(make_env: MakeEnv) -> CarlaLocEnv:
+    return make_env(rig="bev")
 
 
 def _shown(straight_map: Path, mode: str, **settings: Any) -> CarlaLocEnv:
@@ -75,9 +74,7 @@ def test_films_have_a_picture_a_step_and_last_as_long_as_the_drive(
     need_opengl()
     pytest.importorskip("moviepy", reason="RecordVideo of Gymnasium needs moviepy")
     env = RecordVideo(
-        _shown(straight_map, "rgb_array", frame_skip=skip),
-        str(tmp_path),
-        episode_trigger=lambda _: True,
+        _shown(straight_map, "rgb_array", frame_skip=skip), str(tmp_path), episode_trigger=lambda _: True
     )
     env.reset(seed=1)
     for _ in range(FILM_STEPS):

@@ -14,6 +14,7 @@ import gymnasium
 import numpy as np
 import pytest
 from shared_fixtures.drives.straight_drives import RIG as SMALL
+from shared_fixtures.drives.straight_drives import MakeEnv
 from shared_fixtures.processes.lifecycles import growth
 
 from carlaloc_env.core.errors import ClosedError, ConfigError, RenderError
@@ -113,9 +114,9 @@ def test_a_closed_environment_says_so(closed: gymnasium.Env[Any, Any], call: str
         getattr(closed, call)(*arguments)
 
 
-def test_bad_resets_are_refused_before_anything_moves(straight_map: Path) -> None:
+def test_bad_resets_are_refused_before_anything_moves(make_env: MakeEnv) -> None:
     """Seeds below zero, seeds that are no whole numbers, and unknown options."""
-    env = CarlaLocEnv(map=straight_map, rig="state", traffic="static")
+    env = make_env(traffic="static")
     env.reset(seed=1)
     env.step(REST)
     for seed in (-1, 0.5, "3", True):
@@ -125,7 +126,6 @@ def test_bad_resets_are_refused_before_anything_moves(straight_map: Path) -> Non
         env.reset(options={"foo": 1})
     assert env.world.now_ns == 50_000_000
     env.reset(seed=np.int64(3), options={})
-    env.close()
 
 
 @pytest.mark.parametrize("rig", ["state", "small"])
@@ -150,12 +150,11 @@ def test_what_others_write_while_pybullet_is_imported_is_passed_on() -> None:
     assert done.stderr == b"line\n" * 20_000
 
 
-def test_information_of_a_step_fits_a_screen() -> None:
+def test_information_of_a_step_fits_a_screen(make_env: MakeEnv) -> None:
     """24 lines of 80 characters; programs read from it what they did, also after a copy."""
-    env = CarlaLocEnv(map="Town03", rig=rig_by_name("state"))
+    env = make_env(map="Town03", rig=rig_by_name("state"), traffic="dynamic")
     env.reset(seed=0)
     info = env.step(REST)[-1]
-    env.close()
     assert len(repr(info)) < 24 * 80
     assert "\n" not in repr(info["samples"]) + repr(info["objects"])
     assert [sample.sensor for sample in info["samples"]].count("imu") == 10

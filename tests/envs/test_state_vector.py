@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_fixtures.drives.straight_drives import MakeEnv
 
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.geometry.transforms import wrap_angle
@@ -196,9 +196,9 @@ def test_a_loop_begun_elsewhere_stays_whole(env: CarlaLocEnv) -> None:
     assert turned == pytest.approx(0.0, abs=0.03)
 
 
-def test_a_straight_road_from_above(straight_map: Path) -> None:
+def test_a_straight_road_from_above(make_env: MakeEnv) -> None:
     """One lane of 3.5 m whose middle the car follows: rows, columns and areas are plain arithmetic."""
-    env = CarlaLocEnv(map=straight_map, rig="bev", traffic="empty")
+    env = make_env(rig="bev")
     observation, _ = env.reset(seed=0)
     picture = observation["bev"]
     road, lanes, route = (picture[..., CHANNELS.index(name)] for name in ("road", "lanes", "route"))
@@ -211,7 +211,6 @@ def test_a_straight_road_from_above(straight_map: Path) -> None:
     assert np.abs(np.flatnonzero(lanes[10]) + 0.5 - SIZE_PX / 2).max() == pytest.approx(1.75 / PX_M, abs=1.0)
     assert route[10, SIZE_PX // 2] == 255
     assert not picture[..., CHANNELS.index("actors")].any()
-    env.close()
 
 
 def test_road_users_from_above_stand_where_the_vector_says(env: CarlaLocEnv) -> None:

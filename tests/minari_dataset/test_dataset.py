@@ -42,19 +42,10 @@ def _record(map_path: Path, out: Path, controls: Sequence[Controls]) -> Path:
     town = load_town(map_path)
     traffic = traffic_of_town(town, TRAFFIC, drive_seed)
     world = DrivingWorld(town, traffic)
-    listener = EpisodeListener(
-        lambda catalog: EpisodeWriter(
-            out,
-            EpisodeHeader(
-                map_name=town.name,
-                town_hash=town.town_hash,
-                seed=drive_seed,
-                catalog=catalog,
-                traffic=asdict(traffic),
-                device="test",
-            ),
-        )
+    header = EpisodeHeader(
+        map_name=town.name, town_hash=town.town_hash, seed=drive_seed, traffic=asdict(traffic), device="test"
     )
+    listener = EpisodeListener(lambda catalog: EpisodeWriter(out, replace(header, catalog=catalog)))
     world.reset(drive_seed, listener)
     for one in controls:
         for _ in range(STEP_TICKS):

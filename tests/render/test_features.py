@@ -5,16 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from shared_fixtures.readings.orb_features import CHOICES, Features, Found, found
+from shared_fixtures.worlds.render_scenes import need_opengl
 
-from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.weather.parameters import PRESETS
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 
 def read(town: str, features: Features) -> None:

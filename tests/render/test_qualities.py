@@ -7,72 +7,50 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.worlds.plain_albedo import plain_albedo
+from shared_fixtures.worlds.render_scenes import (
+    CAMERA,
+    FORWARD,
+    ego_plate,
+    ground,
+    need_opengl,
+    quad,
+    scene,
+    standing,
+    wall,
+)
 
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting import night_lighting as night
 from carlaloc_env.render.lighting.light_tiles import tiled_lights
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, sky_light
 from carlaloc_env.render.qualities import QUALITIES
-from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
-CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
-FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 LAMP_M = np.array([24.0, 6.0, 8.0])
-
-
-def quad(corners_m: list[list[float]], material: Material, tag: Tag) -> Mesh:
-    return make_mesh(corners_m, [[0, 1, 2], [0, 2, 3]], material=material, tag=tag)
+EGO = standing(transforms.transform([-1.4, 0.0, 0.0], [0, 0, 0, 1]), instance=EGO_INSTANCE)
 
 
 def street() -> list[Mesh]:
     """Asphalt, a house on the right and a lamp post on the left."""
     x, y = LAMP_M[:2]
     return [
-        quad([[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]], Material.ASPHALT, Tag.ROAD),
+        ground(),
         quad([[10, -6, 0], [60, -6, 0], [60, -6, 9], [10, -6, 9]], Material.PLASTER, Tag.BUILDING),
-        quad(
-            [[x, y + 0.1, 0], [x, y - 0.1, 0], [x, y - 0.1, 8], [x, y + 0.1, 8]],
-            Material.METAL_PAINTED,
-            Tag.POLE,
-        ),
+        wall(x, (y - 0.1, 0.0), (y + 0.1, 8.0), material=Material.METAL_PAINTED, tag=Tag.POLE),
     ]
-
-
-def ego() -> tuple[ModelLibrary, Instances]:
-    plate = make_mesh(
-        [[0, -1, 0], [0, 1, 0], [0, 1, 0.01]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.CAR
-    )
-    one = Instances(
-        model=np.zeros(1, np.int32),
-        T_world_model=transforms.transform([-1.4, 0.0, 0.0], [0, 0, 0, 1])[None],
-        instance=np.array([EGO_INSTANCE], np.uint32),
-        tint=np.full((1, 3), 9, np.uint8),
-    )
-    return ModelLibrary({"ego": plate}), one
 
 
 @pytest.fixture(scope="module")
 def radiance() -> dict[tuple[str, str], NDArray[np.float32]]:
-    library, one = ego()
     seen = {}
     for quality in QUALITIES:
-        with SceneRenderer(
-            street(), library, quality=quality, lamps_m=LAMP_M[None], albedo=plain_albedo()
-        ) as renderer:
-            gbuffer = renderer.draw(CAMERA, FORWARD, one)
+        with scene(*street(), library=ego_plate(), quality=quality, lamps_m=LAMP_M[None]) as renderer:
+            gbuffer = renderer.draw(CAMERA, FORWARD, EGO)
             for name in ("ClearNoon", "FoggyNoon", "RainyNight"):
                 seen[quality, name] = renderer.radiance_cd_m2(gbuffer, PRESETS[name])
     return seen
@@ -106,15 +84,12 @@ def test_qualities_agree_in_the_glow_round_a_lamp_by_night(
 
 def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A night among lamps and cars, with and without the search for what they light."""
-    library, one = ego()
     random = np.random.default_rng(6)
     lamps_m = random.uniform([5, -25, 3], [70, 25, 9], (30, 3))
     night = PRESETS["RainyNight"]
     exposure = sky_light(night).exposure
-    with SceneRenderer(
-        street(), library, quality="medium", lamps_m=lamps_m, albedo=plain_albedo()
-    ) as renderer:
-        gbuffer = renderer.draw(CAMERA, FORWARD, one)
+    with scene(*street(), library=ego_plate(), quality="medium", lamps_m=lamps_m) as renderer:
+        gbuffer = renderer.draw(CAMERA, FORWARD, EGO)
         sparse = renderer.radiance_cd_m2(gbuffer, night) * exposure
         shares: list[float] = []
         search = tiled_lights.keep_lit
@@ -138,11 +113,10 @@ def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch)
 
 def test_light_that_the_noise_hides_is_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A night's picture with and without it differs by a tenth of what two exposures differ by, or less."""
-    library, one = ego()
     lamps_m = np.random.default_rng(6).uniform([5, -25, 3], [70, 25, 9], (30, 3))
     weather = PRESETS["ClearNight"]
-    with SceneRenderer(street(), library, quality="low", lamps_m=lamps_m, albedo=plain_albedo()) as renderer:
-        gbuffer = renderer.draw(CAMERA, FORWARD, one)
+    with scene(*street(), library=ego_plate(), lamps_m=lamps_m) as renderer:
+        gbuffer = renderer.draw(CAMERA, FORWARD, EGO)
         sparse = renderer.shade(gbuffer, weather).astype(float)
         monkeypatch.setattr(night, "UNSEEN_NOISE", 0.0)
         whole = renderer.shade(gbuffer, weather).astype(float)

@@ -6,14 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from shared_fixtures.worlds.render_scenes import (
-    CAMERA,
-    FORWARD,
-    ground,
-    need_opengl,
-    scene,
-    wall,
-)
+from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
 
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.render.geometry.level_of_detail import coarse

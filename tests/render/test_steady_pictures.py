@@ -9,20 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from shared_fixtures.readings.orb_features import stereo_poses
+from shared_fixtures.worlds.render_scenes import need_opengl
 
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import PRESETS
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +58,7 @@ def test_weathers_shaded_together_are_what_each_is_alone(
     assert len({picture.tobytes() for picture in together}) == len(weathers)
 
 
-def test_a_slow_pan_does_not_shimmer(
-    street: tuple[SceneRenderer, Pinhole, NDArray[np.float64]],
-) -> None:
+def test_a_slow_pan_does_not_shimmer(street: tuple[SceneRenderer, Pinhole, NDArray[np.float64]]) -> None:
     """Pictures 0.3 px of pan apart, warped back by the exact rotation, differ by few grey levels."""
     renderer, pinhole, pose = street
     step_rad = 0.3 / pinhole.fx_px

@@ -47,19 +47,11 @@ def sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     drive = folder / "drive.mcap"
     traffic = "dynamic,vehicles=8,walkers=0"
     record(RecordConfig(map=str(town), out=drive, duration_s=0.4, seed=5, traffic=traffic))
-    result = replay(
-        ReplayConfig(
-            episode=drive,
-            out=folder / "data",
-            map=town,
-            traffic=("dynamic", "static", "empty"),
-            rig=str(rig),
-            formats=("kitti", "rosbag1"),
-            topics="standard",
-            preview=False,
-            workers=1,
-        )
-    )
+    config = ReplayConfig(
+        episode=drive, out=folder / "data", map=town, traffic=("dynamic", "static", "empty"), rig=str(rig),
+        formats=("kitti", "rosbag1"), topics="standard", preview=False, workers=1,
+    )  # fmt: skip
+    result = replay(config)
     return {path.name.split("_")[1]: path for path in result.sequences}
 
 

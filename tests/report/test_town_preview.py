@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.transforms import from_rotation
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.standing_traffic import standing_traffic
 from recorder.report.town_map import ROUTE, SPAWN, MapView
@@ -32,10 +31,7 @@ def test_map_is_to_scale_with_north_up() -> None:
 
 @pytest.mark.soak
 def test_sheet_marks_route_and_spawn_points() -> None:
-    try:
-        create_context().release()
-    except RenderError as no_opengl:
-        pytest.skip(str(no_opengl))
+    need_opengl()
     from recorder.report.town_preview import STREET_PX, STREET_VIEWS, town_sheet
 
     town = load_town("Town03")

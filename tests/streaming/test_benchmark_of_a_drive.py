@@ -89,6 +89,10 @@ def drives(drive: StraightDrive, rig: Path, *, map: Path | None = None, noise_se
     )
 
 
+def benchmark(data: DriveConfig, out: Path, *methods: str, **more: Any) -> BenchmarkResult:
+    return run_benchmark(BenchmarkConfig(data=data, out=out, methods=methods, **more))
+
+
 @pytest.fixture(scope="module")
 def streamed(
     straight_drive: StraightDrive, rig: Path, tmp_path_factory: pytest.TempPathFactory
@@ -96,9 +100,7 @@ def streamed(
     """A LiDAR system over two seeds of noise, and a stereo one."""
     out = tmp_path_factory.mktemp("streamed")
     return [
-        run_benchmark(
-            BenchmarkConfig(data=drives(straight_drive, rig, noise_seeds=n), out=out, methods=(method,))
-        )
+        benchmark(drives(straight_drive, rig, noise_seeds=n), out, method)
         for method, n in zip(METHODS, (2, 1), strict=True)
     ]
 
@@ -144,9 +146,8 @@ def test_nothing_of_the_sensor_data_stays(streamed: list[BenchmarkResult]) -> No
 def test_the_same_command_runs_nothing_again(
     streamed: list[BenchmarkResult], straight_drive: StraightDrive, rig: Path
 ) -> None:
-    data = drives(straight_drive, rig, noise_seeds=2)
-    config = BenchmarkConfig(data=data, out=streamed[0].out, methods=METHODS[:1])
-    assert run_benchmark(config).reused == len(streamed[0].jobs)
+    again = benchmark(drives(straight_drive, rig, noise_seeds=2), streamed[0].out, METHODS[0])
+    assert again.reused == len(streamed[0].jobs)
 
 
 @pytest.fixture(scope="module")
@@ -168,21 +169,11 @@ def test_who_dies_or_stops_holds_nobody_up(
 ) -> None:
     """Two lanes: who goes on gets all frames, and no other of its lane has one in hand meanwhile."""
     (tmp_path / "drives" / "drive" / "seed6").mkdir(parents=True)  # left by a command that was ended
-    config = BenchmarkConfig(
-        data=drives(straight_drive, rig),
-        out=tmp_path,
-        methods=tuple(own.values()),
-        clouds=("raw",),
-        workers=2,
-    )
-    result = run_benchmark(config)
+    result = benchmark(drives(straight_drive, rig), tmp_path, *own.values(), clouds=("raw",), workers=2)
     moves, killed, stops = result.scores
     assert moves.coverage == 1.0
-    turns = sorted(
-        turn
-        for name in ("moves", "stops")
-        for turn in json.loads(Path(own[name]).with_suffix(".json").read_text())
-    )
+    kept = [Path(own[name]).with_suffix(".json").read_text() for name in ("moves", "stops")]
+    turns = sorted(turn for text in kept for turn in json.loads(text))
     assert len(turns) == 10 + 3
     assert all(end <= begin for (_, end), (begin, _) in pairwise(turns))
     assert "SIGKILL" in str(killed.failed)
@@ -192,13 +183,8 @@ def test_who_dies_or_stops_holds_nobody_up(
 def test_what_the_rig_lacks_is_a_row_and_the_rest_goes_on(
     straight_drive: StraightDrive, few: Path, own: dict[str, str], tmp_path: Path
 ) -> None:
-    config = BenchmarkConfig(
-        data=drives(straight_drive, few),
-        out=tmp_path / "out",
-        methods=(own["moves"], "stereo_vo"),
-        clouds=("raw",),
-    )
-    result = run_benchmark(config)
+    data, methods = drives(straight_drive, few), (own["moves"], "stereo_vo")
+    result = benchmark(data, tmp_path / "out", *methods, clouds=("raw",))
     moves, *stereo_vo = result.scores
     assert moves.coverage == 1.0
     assert {score.failed for score in stereo_vo} == {"rig 'small' has 0 cameras; stereo needs two"}
@@ -217,13 +203,7 @@ def test_programs_share_files_that_are_deleted_afterwards(
             f"{{name: {path.stem}, title: {path.stem}, needs: [lidar], frame: lidar, "
             'command: [sh, "{here}/slam.sh", "{out}", "{bag}"]}'
         )
-    config = BenchmarkConfig(
-        data=drives(straight_drive, rig),
-        out=tmp_path / "out",
-        methods=tuple(map(str, programs)),
-        clouds=("raw",),
-    )
-    run_benchmark(config)
+    benchmark(drives(straight_drive, rig), tmp_path / "out", *map(str, programs), clouds=("raw",))
     first, second = (tmp_path / "seen").read_text().splitlines()
     assert first == second
     assert (tmp_path / "begin").read_bytes() == b"#ROSBAG" * 2
@@ -351,13 +331,8 @@ def test_a_cluster_gives_the_same_estimates(
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, dashboard_address=None, processes=True
     ) as scheduler:
-        config = BenchmarkConfig(
-            data=drives(straight_drive, rig),
-            out=tmp_path,
-            methods=METHODS[:1],
-            cluster=scheduler.scheduler_address,
-        )
-        result = run_benchmark(config)
+        data, address = drives(straight_drive, rig), scheduler.scheduler_address
+        result = benchmark(data, tmp_path, METHODS[0], cluster=address)
     assert len(result.jobs) == 2
     for job in result.jobs:
         same = streamed[0].out / job.folder

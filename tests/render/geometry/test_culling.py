@@ -7,27 +7,30 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.worlds.plain_albedo import plain_albedo
+from shared_fixtures.worlds.render_scenes import (
+    CAMERA,
+    FORWARD,
+    need_opengl,
+    quad,
+    rays_z1,
+    scene,
+    standing,
+    wall,
+)
+from shared_fixtures.worlds.scenes import Scenery
 
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths, box_corners
 from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, gathered
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.projection import CameraView
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.light_sources import nearest, street_lamps
 from carlaloc_env.render.lighting.light_tiles.screen_tiles import TILE_PX, DepthRange
 from carlaloc_env.render.lighting.light_tiles.tiled_lights import LIGHT_CUTOFF, light_grid
-from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
-
-CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
-FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 
 
 def soup(count: int, seed: int, low_m: tuple[float, ...], high_m: tuple[float, ...], size_m: float) -> Mesh:
@@ -70,18 +73,12 @@ def test_a_box_that_shows_in_any_pixel_is_not_hidden() -> None:
 @pytest.mark.parametrize("quality", ["low", "medium", "high"])
 def test_culling_leaves_the_picture_as_it_is(quality: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A street of random triangles behind walls, drawn with and without the test for what hides."""
-    try:
-        create_context().release()
-    except RenderError as no_opengl:
-        pytest.skip(str(no_opengl))
+    need_opengl()
     chunks = [soup(1500, k + 1, (8.0 * k, -15.0, 0.0), (8.0 * k + 8.0, 15.0, 6.0), 1.2) for k in range(12)]
-    wall = [[30.0, 12.0, 0.0], [30.0, -3.0, 0.0], [30.0, -3.0, 9.0], [30.0, 12.0, 9.0]]
-    walls = make_mesh(wall, [[0, 1, 2], [0, 2, 3]], material=Material.PLASTER, tag=Tag.WALL)
-    chunks[3] = merge([chunks[3], walls])
+    chunks[3] = merge([chunks[3], wall(30.0, (-3.0, 0.0), (12.0, 9.0))])
 
     def picture() -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        library = ModelLibrary({})
-        with SceneRenderer(chunks, library, quality=quality, albedo=plain_albedo()) as renderer:
+        with scene(*chunks, quality=quality) as renderer:
             gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
             return gbuffer.depth_m(), gbuffer.labels()[1]
 
@@ -107,26 +104,15 @@ def test_culling_leaves_the_picture_as_it_is(quality: str, monkeypatch: pytest.M
     assert hidden > 2
 
 
-def box(low_m: tuple[float, ...], high_m: tuple[float, ...], instance: int = 0) -> Mesh:
-    """A closed box."""
-    corners = box_corners(np.array([low_m], float), np.array([high_m], float))[0]
-    sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-    triangles = [[a, b, c] for a, b, c, _ in sides] + [[a, c, d] for a, _, c, d in sides]
-    return make_mesh(corners, triangles, material=Material.BARK, tag=Tag.WALL, instance=instance)
-
-
 def test_the_last_picture_hides_what_the_next_would_hide() -> None:
     """A drive through a street: left out by the last picture, nearly every pixel is as without it.
 
     A lorry that stands in the way drives off; what it hid must come out at once.
     """
-    try:
-        create_context().release()
-    except RenderError as no_opengl:
-        pytest.skip(str(no_opengl))
-    houses = [box((x, y, 0.0), (x + 9.0, y + 8.0, 12.0)) for x in range(0, 120, 14) for y in (-14, 7)]
+    need_opengl()
+    houses = [Scenery.box((x, y, 0.0), (x + 9.0, y + 8.0, 12.0)) for x in range(0, 120, 14) for y in (-14, 7)]
     crumbs = [soup(900, k + 1, (8.0 * k, -40.0, 0.0), (8.0 * k + 8.0, 40.0, 5.0), 0.3) for k in range(15)]
-    library = ModelLibrary({"lorry": box((0.0, -3.5, 0.0), (6.0, 3.5, 5.0))})
+    library = ModelLibrary({"lorry": Scenery.box((0.0, -3.5, 0.0), (6.0, 3.5, 5.0))})
     drawn, seen_again = [], []
     plain = MeshBuffers.draw
 
@@ -136,18 +122,13 @@ def test_the_last_picture_hides_what_the_next_would_hide() -> None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(MeshBuffers, "draw", counting)
-        with SceneRenderer([*houses, *crumbs], library, quality="low", albedo=plain_albedo()) as renderer:
+        with scene(*houses, *crumbs, library=library) as renderer:
             earlier, carried, by_rounds, different = None, [], [], []
             for k in range(12):
                 turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.0, 0.0, 0.03 * k))
                 pose = transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (0.8 * k, 0.2 * k, 1.6))
                 lorry = transforms.from_rotation(np.eye(3), (12.0 + 0.8 * k, 0.0 if k < 6 else 9.0, 0.0))
-                instances = Instances(
-                    model=np.zeros(1, np.int32),
-                    T_world_model=lorry[None],
-                    instance=np.array([EGO_INSTANCE + 1], np.uint32),
-                    tint=np.full((1, 3), 255, np.uint8),
-                )
+                instances = standing(lorry, instance=EGO_INSTANCE + 1, tint=255)
                 drawn.clear()
                 with_last = renderer.draw(CAMERA, pose, instances, earlier=earlier)
                 carried.append(sum(drawn))
@@ -198,9 +179,7 @@ def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:
     exposure = 0.02
     grid = light_grid(view, lights, DepthRange.of(depth), depth_m=depth, exposure=exposure)
     whole = light_grid(view, lights, DepthRange.of(depth))
-    v, u = np.mgrid[:180, :320]
-    rays = np.stack([(u - 160.0) / 160.0, (v - 90.0) / 160.0, np.ones_like(u)], -1)
-    points = view.position_m + (rays * depth[..., None]) @ view.R_camera_world
+    points = view.position_m + (rays_z1(CAMERA) * depth[..., None]) @ view.R_camera_world
     way = points[..., None, :] - lights.position_m
     far2 = np.maximum(np.sum(way**2, axis=-1), 0.25)
     cosine = -way[..., 2] / np.sqrt(far2)
@@ -227,16 +206,10 @@ def test_a_model_wears_as_the_town_does() -> None:
 
 def road_from_above(*, shrink: float = 1.0, unit_m: float = 1.0) -> NDArray[np.float32]:
     """Light [cd/m²] of a plane 12 m below the camera; all of it 1 : `shrink`."""
-    try:
-        create_context().release()
-    except RenderError as no_opengl:
-        pytest.skip(str(no_opengl))
+    need_opengl()
     corners = np.array([[-30.0, -30.0, 0.0], [30.0, -30.0, 0.0], [30.0, 30.0, 0.0], [-30.0, 30.0, 0.0]])
-    road = make_mesh(
-        (corners / shrink).tolist(), [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD
-    )
+    road = quad(corners / shrink, Material.ASPHALT, Tag.ROAD)
     down = np.array([[1.0, 0, 0, 0], [0, -1.0, 0, 0], [0, 0, -1.0, 12.0 / shrink], [0, 0, 0, 1.0]])
-    library = ModelLibrary({})
-    with SceneRenderer([road], library, quality="medium", albedo=plain_albedo(), unit_m=unit_m) as drawn:
+    with scene(road, quality="medium", unit_m=unit_m) as drawn:
         gbuffer = drawn.draw(CAMERA, down, Instances())
         return drawn.radiance_cd_m2(gbuffer, PRESETS["CloudyNoon"])

@@ -12,8 +12,10 @@ from shared_fixtures.worlds.render_scenes import (
     FORWARD,
     ground,
     need_opengl,
+    quad,
     rays_z1,
     scene,
+    standing,
     wall,
 )
 
@@ -88,21 +90,10 @@ def test_labels_and_occlusion() -> None:
 
 def test_instances_stand_where_their_pose_says() -> None:
     """A unit plate moved, turned and scaled by nothing lands on Pinhole.project of its corners."""
-    plate = make_mesh(
-        [[0, -1, -0.5], [0, 1, -0.5], [0, 1, 0.5], [0, -1, 0.5]],
-        [[0, 1, 2], [0, 2, 3]],
-        material=Material.CAR_PAINT,
-        tag=Tag.CAR,
-    )
+    plate = quad([[0, -1, -0.5], [0, 1, -0.5], [0, 1, 0.5], [0, -1, 0.5]], Material.CAR_PAINT, Tag.CAR)
     T = transforms.transform([10.0, 1.5, 2.0], transforms.rpy_to_quat(0.0, 0.0, 0.6))
-    ids = np.array([(1 << 23) + 300, (1 << 23) + 1], np.uint32)
     away = transforms.transform([-20.0, 0.0, 2.0], [0, 0, 0, 1])
-    instances = Instances(
-        model=np.zeros(2, np.int32),
-        T_world_model=np.stack([T, away]),
-        instance=ids,
-        tint=np.full((2, 3), 200, np.uint8),
-    )
+    instances = standing(T, away, instance=(1 << 23) + 300)
     with scene(library=ModelLibrary({"plate": plate})) as renderer:
         gbuffer = renderer.draw(CAMERA, FORWARD, instances)
         tag, instance = gbuffer.labels()
@@ -110,7 +101,7 @@ def test_instances_stand_where_their_pose_says() -> None:
     corners = transforms.apply(transforms.invert(FORWARD) @ T, plate.vertices_m)
     uv = CAMERA.project(corners)
     rows, columns = np.nonzero(tag == Tag.CAR)
-    assert np.all(instance[rows, columns] == ids[0])
+    assert np.all(instance[rows, columns] == (1 << 23) + 300)
     assert columns.min() == np.ceil(uv[:, 0].min())
     assert columns.max() == np.floor(uv[:, 0].max())
     normal = transforms.invert(FORWARD)[:3, :3] @ T[:3, 0]

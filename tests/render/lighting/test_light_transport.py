@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from shared_fixtures.worlds.plain_albedo import plain_albedo
 from shared_fixtures.worlds.render_scenes import (
     CAMERA,
@@ -16,6 +17,7 @@ from shared_fixtures.worlds.render_scenes import (
     quad,
     rays_z1,
     scene,
+    standing,
     wall,
 )
 
@@ -107,13 +109,8 @@ def test_sun_throws_a_shadow_where_the_ray_to_it_is_blocked() -> None:
 def test_the_road_under_a_car_is_darker(weather: WeatherParameters, beside_m: float) -> None:
     """A floating slab darkens the road below it, in sunlight and under an even sky."""
     corners = [[-2, -1, 0], [2, -1, 0], [2, 1, 0], [-2, 1, 0]]
-    slab = make_mesh(corners, [[0, 1, 2], [0, 2, 3]], material=Material.CAR_PAINT, tag=Tag.CAR)
-    one = Instances(
-        model=np.zeros(1, np.int32),
-        T_world_model=transforms.transform([[12.0, 0.0, 1.3]], [[0.0, 0.0, 0.0, 1.0]]),
-        instance=np.ones(1, np.uint32),
-        tint=np.full((1, 3), 99, np.uint8),
-    )
+    slab = quad(corners, Material.CAR_PAINT, Tag.CAR)
+    one = standing(transforms.transform([12.0, 0.0, 1.3], [0.0, 0.0, 0.0, 1.0]))
     with scene(ground(), library=ModelLibrary({"slab": slab})) as renderer:
         bare, under = (
             renderer.radiance_cd_m2(renderer.draw(CAMERA, FORWARD, i), weather)[..., 1]
@@ -147,18 +144,35 @@ def test_street_lamp_lights_the_ground_by_the_inverse_square() -> None:
 def test_car_paint_takes_the_tint_of_its_instance() -> None:
     def plate(material: Material) -> Mesh:
         corners = [[0, 2, -2], [0, -2, -2], [0, -2, 2], [0, 2, 2]]
-        return make_mesh(corners, [[0, 1, 2], [0, 2, 3]], material=material, tag=Tag.CAR)
+        return quad(corners, material, Tag.CAR)
 
     library = ModelLibrary({"paint": plate(Material.CAR_PAINT), "plastic": plate(Material.PLASTIC)})
-    T = np.tile(transforms.transform([8.0, 0.0, 1.6], [0, 0, 0, 1]), (1, 1, 1))
-    red = np.array([[220, 10, 10]], np.uint8)
+    T = transforms.transform([8.0, 0.0, 1.6], [0, 0, 0, 1])
     hues = {}
     with scene(library=library) as renderer:
         for model in range(2):
-            one = Instances(
-                model=np.array([model], np.int32), T_world_model=T, instance=np.ones(1, np.uint32), tint=red
-            )
+            one = standing(T, model=model, tint=[220, 10, 10])
             pixel = renderer.shade(renderer.draw(CAMERA, FORWARD, one), PRESETS["CloudyNoon"])[90, 160]
             hues[model] = float(pixel[0]) - float(pixel[2])
     assert hues[0] > 60
     assert abs(hues[1]) < 20
+
+
+def test_mip_maps_keep_the_light_of_a_texture() -> None:
+    """Dark and bright texels from afar look as bright as their mean in linear light."""
+    corners = [[40.0, 30.0, 0.0], [40.0, -30.0, 0.0], [40.0, -30.0, 30.0], [40.0, 30.0, 30.0]]
+    uv = [[30.0, 0.0], [-30.0, 0.0], [-30.0, 30.0], [30.0, 30.0]]
+    mesh = make_mesh(corners, [[0, 1, 2], [0, 2, 3]], material=Material.GLASS, tag=Tag.WALL, uv_m=uv)
+
+    def light(texels: NDArray[np.float16]) -> float:
+        albedo = np.zeros((len(Material), 64, 64, 4), np.float16)
+        albedo[..., :3] = texels[..., None]
+        albedo[..., 3] = 1.0
+        with scene(mesh, quality="medium", albedo=albedo) as renderer:
+            gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
+            assert np.all(gbuffer.depth_m()[60:80, 140:180] > 0.0)
+            return float(renderer.radiance_cd_m2(gbuffer, PRESETS["CloudyNoon"])[60:80, 140:180].mean())
+
+    checks = np.where(np.indices((64, 64)).sum(axis=0) % 2 == 0, 0.02, 0.62).astype(np.float16)
+    plain = light(np.full((64, 64), 0.32, np.float16))
+    assert light(checks) == pytest.approx(plain, rel=0.02)

@@ -5,15 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from shared_fixtures.worlds.plain_albedo import plain_albedo
+from shared_fixtures.worlds.render_scenes import (
+    CAMERA,
+    FORWARD,
+    ego_plate,
+    ground,
+    need_opengl,
+    rays_z1,
+    scene,
+    standing,
+    wall,
+)
 
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.projection import CameraView
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.light_sources import (
     BEAM_RANGE_M,
     HEADLAMP_COLOUR,
@@ -24,19 +32,13 @@ from carlaloc_env.render.lighting.light_sources import (
 )
 from carlaloc_env.render.lighting.light_tiles.screen_tiles import TILE_PX, DepthRange
 from carlaloc_env.render.lighting.light_tiles.tiled_lights import LOOPS, Fog, light_grid
-from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
-CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
-FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 NIGHT = WeatherParameters(sun_altitude_angle=-90.0, fog_density=0.0, mie_scattering_scale=0.0)
 
 
@@ -67,11 +69,7 @@ def test_every_lamp_that_reaches_a_pixel_is_in_its_tile() -> None:
     lamps = street_lamps(random.uniform(-60, 60, (300, 3)) + ahead)
     lights = nearest(lamps, view.position_m)
     grid = light_grid(view, lights, DepthRange.of(depth))
-    v, u = np.mgrid[:180, :320]
-    rays = np.stack(
-        [(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones_like(u)], -1
-    )
-    points = view.position_m + (rays * depth[..., None]) @ view.R_camera_world
+    points = view.position_m + (rays_z1(CAMERA) * depth[..., None]) @ view.R_camera_world
     gap = np.sqrt(np.sum((points[..., None, :] - lights.position_m) ** 2, axis=-1))
     reached = (gap < lights.range_m) & (depth[..., None] > 0)
     visited, needed = 0, 0
@@ -138,12 +136,7 @@ def test_lamps_are_found_on_models_by_their_materials() -> None:
     )
     emitters = Emitters(ModelLibrary({"car": body}))
     T = transforms.transform([20.0, 5.0, 0.3], transforms.rpy_to_quat(0.0, 0.0, np.pi / 2))
-    one = Instances(
-        model=np.zeros(1, np.int32),
-        T_world_model=T[None],
-        instance=np.array([7], np.uint32),
-        tint=np.full((1, 3), 99, np.uint8),
-    )
+    one = standing(T, instance=7)
     lights = emitters.lights(one)
     assert lights.beam.tolist() == [True, False, False]
     np.testing.assert_allclose(lights.position_m[0], [20.0, 8.6, 1.0], atol=1e-5)
@@ -157,39 +150,18 @@ def test_low_beam_lights_the_road_and_spares_the_eyes() -> None:
     At least 12 lx at 75R and at most 0.6 lx where oncoming drivers' eyes are (B50L), for one lamp; ours
     are one pair, dimmed by a known factor.
     """
-    plate = make_mesh(
-        [[0, -1, 0], [0, 1, 0], [0, 1, 0.01]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.CAR
-    )
     lamp_m = np.array([3.65, 0.0, 0.65])
     distance_m = 25.0
     x = lamp_m[0] + distance_m
-    wall = make_mesh(
-        [[x, 30, -30], [x, -30, -30], [x, -30, 30], [x, 30, 30]],
-        [[0, 1, 2], [0, 2, 3]],
-        material=Material.PLASTER,
-        tag=Tag.WALL,
-    )
-    ego = Instances(
-        model=np.zeros(1, np.int32),
-        T_world_model=np.eye(4)[None],
-        instance=np.array([EGO_INSTANCE], np.uint32),
-        tint=np.full((1, 3), 9, np.uint8),
-    )
+    screen = wall(x, (-30.0, -30.0), (30.0, 30.0))
+    ego = standing(np.eye(4), instance=EGO_INSTANCE)
     albedo = plain_albedo()
     albedo[:] = (0.5, 0.5, 0.5, 1.0)
     camera = Pinhole(width_px=400, height_px=200, fx_px=2000.0, fy_px=2000.0, cx_px=200.0, cy_px=100.0)
     eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (3.67, 0.0, 0.65))
-    library = ModelLibrary({"ego": plate})
-    with SceneRenderer([wall], library, quality="low", albedo=albedo) as renderer:
+    with scene(screen, library=ego_plate(), albedo=albedo) as renderer:
         lit = renderer.radiance_cd_m2(renderer.draw(camera, eye, ego), NIGHT)[..., 1]
-        none = np.zeros(0, np.intp)
-        gone = Instances(
-            model=ego.model[none],
-            T_world_model=ego.T_world_model[none],
-            instance=ego.instance[none],
-            tint=ego.tint[none],
-        )
-        dark = renderer.radiance_cd_m2(renderer.draw(camera, eye, gone), NIGHT)[..., 1]
+        dark = renderer.radiance_cd_m2(renderer.draw(camera, eye, Instances()), NIGHT)[..., 1]
 
     def lux(right_deg: float, up_deg: float) -> float:
         u = round(200 + 2000 * np.tan(np.radians(right_deg)))
@@ -208,26 +180,10 @@ def test_headlamps_light_the_road_ahead_up_to_their_cut_off() -> None:
     Roads throw back 5 to 20 mcd/m² per lx across the beam at the standard's 1.24° and 2.29°; a matt
     surface that spreads light evenly would give 0.7.
     """
-    plate = make_mesh(
-        [[0, -1, 0], [0, 1, 0], [0, 1, 0.01]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.CAR
-    )
-    road = make_mesh(
-        [[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]],
-        [[0, 1, 2], [0, 2, 3]],
-        material=Material.ASPHALT,
-        tag=Tag.ROAD,
-    )
-    ego = Instances(
-        model=np.zeros(1, np.int32),
-        T_world_model=np.eye(4)[None],
-        instance=np.array([EGO_INSTANCE], np.uint32),
-        tint=np.full((1, 3), 9, np.uint8),
-    )
+    ego = standing(np.eye(4), instance=EGO_INSTANCE)
     eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (1.4, 0.0, 1.6))
     camera = Pinhole(width_px=320, height_px=360, fx_px=640.0, fy_px=640.0, cx_px=160.0, cy_px=20.0)
-    with SceneRenderer(
-        [road], ModelLibrary({"ego": plate}), quality="low", albedo=plain_albedo()
-    ) as renderer:
+    with scene(ground(), library=ego_plate()) as renderer:
         seen = renderer.radiance_cd_m2(renderer.draw(camera, eye, ego), NIGHT)[..., 1]
 
     def luminance(ahead_of_lamps_m: float) -> float:
@@ -252,7 +208,6 @@ def test_headlamps_light_the_road_ahead_up_to_their_cut_off() -> None:
 
 def test_a_glow_is_whole_where_its_lamp_comes_abreast() -> None:
     """A lamp beside the eye: its glow goes over from rays that lead away to rays that lead past it."""
-    eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
     ends = make_mesh(
         [[900, 0, 0], [900, 1, 0], [900, 0, 1]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.WALL
     )
@@ -260,10 +215,8 @@ def test_a_glow_is_whole_where_its_lamp_comes_abreast() -> None:
 
     def sky(*lamps_m: tuple[float, float, float]) -> NDArray[np.float32]:
         lamps = np.array(lamps_m).reshape(-1, 3)
-        with SceneRenderer(
-            [ends], ModelLibrary({}), quality="medium", lamps_m=lamps, albedo=plain_albedo()
-        ) as renderer:
-            gbuffer = renderer.draw(camera, eye, Instances())
+        with scene(ends, quality="medium", lamps_m=lamps) as renderer:
+            gbuffer = renderer.draw(camera, FORWARD, Instances())
             return renderer.radiance_cd_m2(gbuffer, PRESETS["RainyNight"])[40:60, :, 1]
 
     glow = (sky((0.0, 2.5, 3.2)) - sky()).mean(axis=0)

@@ -4,39 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shared_fixtures.worlds.plain_albedo import plain_albedo
+from shared_fixtures.worlds.render_scenes import FORWARD, ground, need_opengl, quad, scene, standing
 
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.lighting.sky_textures import Skies
 from carlaloc_env.render.precipitation.software.rain_layer import developed
-from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 CAMERA = Pinhole(width_px=650, height_px=330, fx_px=330.0, fy_px=330.0, cx_px=325.0, cy_px=120.0)
 """Its last column and row of tiles have their middles outside."""
-FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
-
-
-def quad(corners_m: list[list[float]], material: Material, tag: Tag) -> Mesh:
-    return make_mesh(corners_m, [[0, 1, 2], [0, 2, 3]], material=material, tag=tag)
 
 
 def street() -> list[Mesh]:
     """Asphalt, and a house on the right that does not reach over the sky."""
     return [
-        quad([[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]], Material.ASPHALT, Tag.ROAD),
+        ground(),
         quad([[60, -6, 0], [10, -6, 0], [10, -6, 5], [60, -6, 5]], Material.PLASTER, Tag.BUILDING),
     ]
 
@@ -45,18 +35,14 @@ def boards() -> tuple[ModelLibrary, Instances]:
     """Boards that float over the road."""
     board = quad([[-1, -1, 0.4], [1, -1, 0.4], [1, 1, 0.4], [-1, 1, 0.4]], Material.PLASTIC, Tag.CAR)
     places = [[8.0, 2.0, 0.0], [15.0, -3.0, 0.0], [30.0, 6.0, 0.5]]
-    return ModelLibrary({"board": board}), Instances(
-        model=np.zeros(3, np.int32),
-        T_world_model=np.stack([transforms.transform(place, [0, 0, 0, 1]) for place in places]),
-        instance=np.arange(1, 4, dtype=np.uint32),
-        tint=np.full((3, 3), 99, np.uint8),
-    )
+    poses = [transforms.transform(place, [0, 0, 0, 1]) for place in places]
+    return ModelLibrary({"board": board}), standing(*poses)
 
 
 @pytest.mark.parametrize("weather", ["ClearNoon", "ClearSunset", "FoggyNoon"])
 def test_pictures_are_light_by_the_tone_curve(weather: str) -> None:
     """Codes of a picture against the curve's formula, within a step of dither."""
-    with SceneRenderer(street(), ModelLibrary({}), quality="low", albedo=plain_albedo()) as renderer:
+    with scene(*street()) as renderer:
         gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
         light = renderer.radiance_cd_m2(gbuffer, PRESETS[weather])
         codes = renderer.shade(gbuffer, PRESETS[weather], stamp_ns=3)
@@ -89,7 +75,7 @@ def test_weathers_shaded_together_are_what_each_is_alone() -> None:
     """Byte by byte, though the lamps of one are found while another is shaded."""
     library, three = boards()
     weathers = [PRESETS[name] for name in ("ClearNoon", "FoggyNoon", "RainyNight", "WetNoon")]
-    with SceneRenderer(street(), library, quality="medium", albedo=plain_albedo()) as renderer:
+    with scene(*street(), library=library, quality="medium") as renderer:
         gbuffer = renderer.draw(CAMERA, FORWARD, three)
         together = renderer.shade_all(gbuffer, weathers, stamp_ns=9, seed=2)
         for weather, picture in zip(weathers, together, strict=True):

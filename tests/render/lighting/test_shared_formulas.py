@@ -10,7 +10,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shared_fixtures.worlds.plain_albedo import plain_albedo
-from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, rays_z1, scene, wall
+from shared_fixtures.worlds.render_scenes import (
+    CAMERA,
+    FORWARD,
+    ego_plate,
+    ground,
+    need_opengl,
+    rays_z1,
+    scene,
+    standing,
+    wall,
+)
 
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
@@ -27,8 +37,7 @@ from carlaloc_env.render.lighting.low_beam import low_beam_cd
 from carlaloc_env.render.lighting.shader_constants import shader_constants
 from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, make_mesh
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances
 from carlaloc_env.weather.parameters import WeatherParameters
 
 need_opengl()
@@ -85,22 +94,13 @@ def test_sky_has_the_colour_of_the_sky_model() -> None:
 
 def test_low_beam_has_the_intensity_of_the_python_formula() -> None:
     """A matt wall 25 m before the ego's lamps, at all pixels that they light: L = ρ I cos θ / (π r²)."""
-    plate = make_mesh(
-        [[0, -1, 0], [0, 1, 0], [0, 1, 0.01]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.CAR
-    )
     lamp = np.array(EGO_HEADLAMPS_M)
-    ego = Instances(
-        model=np.zeros(1, np.int32),
-        T_world_model=np.eye(4)[None],
-        instance=np.array([EGO_INSTANCE], np.uint32),
-        tint=np.full((1, 3), 9, np.uint8),
-    )
+    ego = standing(np.eye(4), instance=EGO_INSTANCE)
     camera = Pinhole(width_px=400, height_px=200, fx_px=900.0, fy_px=900.0, cx_px=200.0, cy_px=70.0)
     eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, lamp + np.array([0.02, 0.0, 0.0]))
     # Nothing stains glass.
     target = wall(lamp[0] + 25.0, (-60.0, -60.0), (60.0, 60.0), material=Material.GLASS)
-    library = ModelLibrary({"ego": plate})
-    with scene(target, library=library, albedo=matt(0.5)) as renderer:
+    with scene(target, library=ego_plate(), albedo=matt(0.5)) as renderer:
         lit, dark = (
             renderer.radiance_cd_m2(renderer.draw(camera, eye, who), NIGHT) for who in (ego, Instances())
         )

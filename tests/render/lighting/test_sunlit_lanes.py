@@ -8,19 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.render_scenes import need_opengl
 
-from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.sources import known_towns
 
 pytest.importorskip("open3d")
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
-from shared_fixtures.worlds.sunlit_lanes import LEAST_PX, LaneBrightness, SunlitLanes, lane_brightness
+from shared_fixtures.worlds.sunlit_lanes import LEAST_PX, LaneBrightness, SunlitLanes, lane_brightness  # noqa: E402
 
 
 def figures(name: str, places: int) -> list[LaneBrightness]:

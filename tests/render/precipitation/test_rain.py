@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.worlds.plain_albedo import plain_albedo
+from shared_fixtures.worlds.render_scenes import CAMERA, ground, need_opengl, quad, scene, wall
+from shared_fixtures.worlds.render_scenes import FORWARD as AHEAD
 
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.projection import CameraView
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.light_sources import (
     LAMP_LEAST_M,
     NO_LIGHTS,
@@ -34,19 +33,14 @@ from carlaloc_env.render.precipitation.rain_drops import (
     terminal_mps,
 )
 from carlaloc_env.render.precipitation.software.rain_layer import RainLayer
-from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
-CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
 FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (3.0, -7.0, 1.6))
 RAIN = WeatherParameters(precipitation=60.0, wind_intensity=40.0)
 
@@ -194,7 +188,7 @@ def test_a_streak_hides_what_its_drop_hides_on_its_way() -> None:
 def test_pictures_and_light_show_the_same_rain() -> None:
     """The developed picture against the light of the same call, developed by the published sRGB curve."""
     weather = PRESETS["HardRainNoon"]
-    with SceneRenderer([ground()], ModelLibrary({}), quality="low", albedo=plain_albedo()) as renderer:
+    with scene(ground()) as renderer:
         gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
         picture = renderer.shade(gbuffer, weather, stamp_ns=10**9, seed=3).astype(float)
         dry, wet = (
@@ -209,21 +203,13 @@ def test_pictures_and_light_show_the_same_rain() -> None:
     assert abs(np.mean((picture - code)[falling])) < 0.1
 
 
-def ground() -> Mesh:
-    corners = [[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]]
-    return make_mesh(corners, [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD)
-
-
 def test_no_rain_falls_under_a_roof() -> None:
-    roof = make_mesh(
-        [[-60, -60, 6], [60, -60, 6], [60, 60, 6], [-60, 60, 6]],
-        [[0, 2, 1], [0, 3, 2]],
-        material=Material.PLASTER,
-        tag=Tag.BRIDGE,
-    )
+    r = 60
+    # Its face looks down.
+    roof = quad([[-r, -r, 6], [-r, r, 6], [r, r, 6], [r, -r, 6]], Material.PLASTER, Tag.BRIDGE)
     differs = {}
     for name, chunks in (("open", [ground()]), ("covered", [ground(), roof])):
-        with SceneRenderer(chunks, ModelLibrary({}), quality="low", albedo=plain_albedo()) as renderer:
+        with scene(*chunks) as renderer:
             gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
             weather = PRESETS["HardRainNoon"]
             # The upper half shows no puddles, only roof or sky.
@@ -238,20 +224,12 @@ def test_no_rain_falls_under_a_roof() -> None:
 
 def test_a_wet_road_mirrors_what_stands_behind_it() -> None:
     """A bright wall shows in the puddles before it, upside down: not where the road is dry."""
-    wall = make_mesh(
-        [[18, 1.5, 0], [18, -1.5, 0], [18, -1.5, 5], [18, 1.5, 5]],
-        [[0, 1, 2], [0, 2, 3]],
-        material=Material.ROAD_PAINT_YELLOW,
-        tag=Tag.WALL,
-    )
+    yellow = wall(18.0, (-1.5, 0.0), (1.5, 5.0), material=Material.ROAD_PAINT_YELLOW)
     blueness = {}
     for deposits in (0.0, 100.0):
         weather = WeatherParameters(cloudiness=100.0, precipitation_deposits=deposits)
-        eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
-        with SceneRenderer(
-            [ground(), wall], ModelLibrary({}), quality="medium", albedo=plain_albedo()
-        ) as renderer:
-            seen = renderer.radiance_cd_m2(renderer.draw(CAMERA, eye, Instances()), weather)
+        with scene(ground(), yellow, quality="medium") as renderer:
+            seen = renderer.radiance_cd_m2(renderer.draw(CAMERA, AHEAD, Instances()), weather)
         # Road at 8 to 15 m, below the wall and beside it.
         rows = slice(108, 122)
         blueness[deposits] = [
@@ -263,26 +241,15 @@ def test_a_wet_road_mirrors_what_stands_behind_it() -> None:
 
 def test_wind_sways_leaves_in_all_pictures_alike_and_nothing_else() -> None:
     """Colour, depth and labels of a leaf move by the way that the two waves say; a wall stands still."""
-    leaf = make_mesh(
-        [[10, 0.5, 1.2], [10, -0.5, 1.2], [10, -0.5, 2.2], [10, 0.5, 2.2]],
-        [[0, 1, 2], [0, 2, 3]],
-        material=Material.LEAF,
-        tag=Tag.VEGETATION,
-    )
-    wall = make_mesh(
-        [[12, 4, 0], [12, 2, 0], [12, 2, 3], [12, 4, 3]],
-        [[0, 1, 2], [0, 2, 3]],
-        material=Material.PLASTER,
-        tag=Tag.WALL,
-    )
+    leaf = wall(10.0, (-0.5, 1.2), (0.5, 2.2), material=Material.LEAF, tag=Tag.VEGETATION)
+    still_wall = wall(12.0, (2.0, 0.0), (4.0, 3.0))
     camera = Pinhole(width_px=640, height_px=360, fx_px=640.0, fy_px=640.0, cx_px=320.0, cy_px=180.0)
-    eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
     wind = (0.0, 15.0, 0.0)
-    with SceneRenderer([leaf, wall], ModelLibrary({}), quality="medium", albedo=plain_albedo()) as renderer:
-        still = renderer.draw(camera, eye, Instances()).labels()[0]
+    with scene(leaf, still_wall, quality="medium") as renderer:
+        still = renderer.draw(camera, AHEAD, Instances()).labels()[0]
         edges = []
         for stamp in (0, 1_500_000_000):
-            gbuffer = renderer.draw(camera, eye, Instances(), wind_mps=wind, stamp_ns=stamp)
+            gbuffer = renderer.draw(camera, AHEAD, Instances(), wind_mps=wind, stamp_ns=stamp)
             tag = gbuffer.labels()[0]
             np.testing.assert_array_equal(tag == Tag.WALL, still == Tag.WALL)
             np.testing.assert_array_equal(gbuffer.depth_m() > 0, tag != Tag.SKY)

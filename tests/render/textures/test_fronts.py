@@ -5,22 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shared_fixtures.worlds.render_scenes import need_opengl, scene
 
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.gl.context import create_context
-from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene.materials import MATERIALS, Material
-from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh import Instances, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import WeatherParameters
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 OVERCAST = WeatherParameters(cloudiness=100.0, fog_density=0.0, mie_scattering_scale=0.0)
 TILES, PER_TILE = 6, 136
@@ -36,18 +31,12 @@ def front(material: Material) -> NDArray[np.float64]:
     mesh = make_mesh(wall, [[0, 1, 2], [0, 2, 3]], uv_m=along_and_up, material=material, tag=Tag.BUILDING)
     edge_px = TILES * PER_TILE
     focal = 10.0 * edge_px / edge_m
+    middle = edge_px / 2
     camera = Pinhole(
-        width_px=edge_px,
-        height_px=edge_px,
-        fx_px=focal,
-        fy_px=focal,
-        cx_px=edge_px / 2,
-        cy_px=edge_px / 2,
+        width_px=edge_px, height_px=edge_px, fx_px=focal, fy_px=focal, cx_px=middle, cy_px=middle
     )
     ahead = transforms.from_rotation(transforms.R_FLU_OPTICAL, [0.0, 0.0, 0.0])
-    with SceneRenderer(
-        [mesh], ModelLibrary({}), quality="medium", albedo=build_textures().albedo
-    ) as renderer:
+    with scene(mesh, quality="medium", albedo=build_textures().albedo) as renderer:
         rgb = renderer.shade(renderer.draw(camera, ahead, Instances()), OVERCAST).astype(np.float64)
     log: NDArray[np.float64] = np.log((rgb / 255.0) ** 2.2 @ np.array([0.2126, 0.7152, 0.0722]) + 1e-3)
     return log

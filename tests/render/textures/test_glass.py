@@ -5,25 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from shared_fixtures.worlds.plain_albedo import plain_albedo
+from shared_fixtures.worlds.render_scenes import FORWARD, need_opengl, scene, wall
 
-from carlaloc_env.core.errors import RenderError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
-from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene.materials import MATERIALS, Material
-from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 CAMERA = Pinhole(width_px=64, height_px=64, fx_px=200.0, fy_px=200.0, cx_px=31.5, cy_px=31.5)
 UP_RAD = np.radians(35.0)
@@ -36,16 +29,11 @@ def seen_cd_m2(material: Material, roughness: float) -> float:
     """Luminance of the top of a black wall 20 m ahead, from below, under a closed sky."""
     albedo = plain_albedo()
     albedo[material] = (0.0, 0.0, 0.0, roughness)
-    wall = make_mesh(
-        [[20, -40, 0], [20, 40, 0], [20, 40, 17], [20, -40, 17]],
-        [[0, 2, 1], [0, 3, 2]],
-        material=material,
-        tag=Tag.BUILDING,
-    )
-    pose = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+    black = wall(20.0, (-40.0, 0.0), (40.0, 17.0), material=material, tag=Tag.BUILDING)
+    pose = FORWARD.copy()
     c, s = np.cos(UP_RAD), np.sin(UP_RAD)
     pose[:3, :3] = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) @ pose[:3, :3]
-    with SceneRenderer([wall], ModelLibrary({}), quality="low", albedo=albedo) as renderer:
+    with scene(black, albedo=albedo) as renderer:
         light = renderer.radiance_cd_m2(renderer.draw(CAMERA, pose, Instances()), OVERCAST)
     return float(light[30:34, 30:34].mean())
 

@@ -57,18 +57,10 @@ MEAN_ALBEDO: dict[Material, tuple[float, float]] = {
 """Mean of the three channels, linear."""
 
 ROUGH_SURFACES = [
-    Material.PAVEMENT,
-    Material.BRICK_RED,
-    Material.BRICK_BROWN,
-    Material.GRASS,
-    Material.SOIL,
-    Material.GRAVEL,
-    Material.ASHLAR,
-    Material.ROOF_TILE,
-    Material.ROOF_SLATE,
-    Material.CROP,
+    Material.PAVEMENT, Material.BRICK_RED, Material.BRICK_BROWN, Material.GRASS, Material.SOIL,
+    Material.GRAVEL, Material.ASHLAR, Material.ROOF_TILE, Material.ROOF_SLATE, Material.CROP,
     Material.FURROWS,
-]
+]  # fmt: skip
 """Rubble is not among them: the shader gives its stones their tones, which `test_fronts.py` sees."""
 
 

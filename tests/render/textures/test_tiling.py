@@ -5,22 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shared_fixtures.worlds.render_scenes import need_opengl, scene
 
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.gl.context import create_context
-from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.textures.build import WIDE, build_textures
 from carlaloc_env.scene.materials import MATERIALS, Material
-from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh import Instances, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import WeatherParameters
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 OVERCAST = WeatherParameters(cloudiness=100.0, fog_density=0.0, mie_scattering_scale=0.0)
 PER_TILE = 16
@@ -42,9 +37,7 @@ def seen_from_above(material: Material) -> NDArray[np.float64]:
         width_px=width, height_px=height, fx_px=focal, fy_px=focal, cx_px=width / 2, cy_px=height / 2
     )
     down = transforms.from_rotation(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, eye_m])
-    with SceneRenderer(
-        [mesh], ModelLibrary({}), quality="medium", albedo=build_textures().albedo
-    ) as renderer:
+    with scene(mesh, quality="medium", albedo=build_textures().albedo) as renderer:
         rgb = renderer.shade(renderer.draw(camera, down, Instances()), OVERCAST).astype(np.float64)
     linear: NDArray[np.float64] = np.sum((rgb / 255.0) ** 2.2 * np.array([0.2126, 0.7152, 0.0722]), axis=-1)
     return linear

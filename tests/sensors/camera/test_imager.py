@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shared_fixtures.worlds.render_scenes import need_opengl
 
-from carlaloc_env.core.errors import ConfigError, RenderError
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.transforms import R_FLU_OPTICAL, from_rotation
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
@@ -131,10 +131,7 @@ def test_rolling_shutter_slants_what_stands_upright() -> None:
 @pytest.fixture
 def wall(scenery: Any) -> Iterator[Any]:
     """A wall 40 m ahead that fills the view."""
-    try:
-        create_context().release()
-    except RenderError as no_opengl:
-        pytest.skip(str(no_opengl))
+    need_opengl()
     models = {
         **{f"signal_{c}": scenery.box([0, 0, 0], [0.1, 0.1, 0.1]) for c in ("red", "yellow", "green")},
         "ego": scenery.box([-0.9, -0.2, 0.2], [0.3, 0.2, 0.3]),

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.render_scenes import need_opengl
 
-from carlaloc_env.core.errors import ConfigError, RenderError
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.envs.observation import Observer
-from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.base import Mount
@@ -21,10 +21,7 @@ from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import PRESETS
 from carlaloc_env.weather.schedule import WeatherSchedule
 
-try:
-    create_context().release()
-except RenderError as no_opengl:
-    pytest.skip(str(no_opengl), allow_module_level=True)
+need_opengl()
 
 STEP_NS = 50_000_000
 QUIET = EventConfig(leak_hz=0.0, shot_hz=0.0)

@@ -13,7 +13,7 @@ from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import WeatherParameters
 
@@ -52,6 +52,23 @@ def ground(reach_m: float = 400.0, material: Material = Material.ASPHALT) -> Mes
 def scene(*meshes: Mesh, library: ModelLibrary | None = None, **settings: object) -> SceneRenderer:
     settings = {"quality": "low", "albedo": plain_albedo(), **settings}
     return SceneRenderer(meshes, library or ModelLibrary({}), **settings)  # type: ignore[arg-type]
+
+
+def standing(*T: ArrayLike, model: int = 0, instance: int = 1, tint: ArrayLike = 99) -> Instances:
+    """Instances of one model at poses (4, 4), with ids from `instance` on."""
+    count = len(T)
+    return Instances(
+        model=np.full(count, model, np.int32),
+        T_world_model=np.array(T, np.float64).reshape(count, 4, 4),
+        instance=np.arange(instance, instance + count, dtype=np.uint32),
+        tint=np.full((count, 3), tint, np.uint8),
+    )
+
+
+def ego_plate() -> ModelLibrary:
+    """A model so small that of the ego only its headlamps show."""
+    plate = [[0, -1, 0], [0, 1, 0], [0, 1, 0.01]]
+    return ModelLibrary({"ego": make_mesh(plate, [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.CAR)})
 
 
 def rays_z1(camera: Pinhole) -> NDArray[np.float64]:

@@ -5,37 +5,28 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.worlds.plain_albedo import plain_albedo
+from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, need_opengl, rays_z1, scene, standing
 
-from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.culling.triangle_culling import STILL, Body, TriangleCuller
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
-from carlaloc_env.render.gl.context import create_context
-from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
-CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
 TURN = transforms.quat_to_matrix(transforms.rpy_to_quat(0.1, -0.2, 1.0))
 POSE = transforms.from_rotation(TURN @ transforms.R_FLU_OPTICAL, (5.0, -3.0, 1.6))
-FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 
 
 def shown(
     corners_m: NDArray[np.float64], view: CameraView, depth_m: NDArray[np.float32], solid: bool
 ) -> NDArray[np.bool_]:
     """Whether triangles (N, 3, 3) are before a relief at any pixel's centre, ray by ray."""
-    v, u = np.mgrid[: CAMERA.height_px, : CAMERA.width_px]
-    rays = np.stack(
-        [(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones_like(u)], -1
-    )
+    rays = rays_z1(CAMERA)
     p = (corners_m - view.position_m) @ view.R_camera_world.T
     out = np.zeros(len(p), bool)
     # A triangle all of which lies beyond one side of the picture, or behind it, has no point in it.
@@ -118,21 +109,14 @@ def crumbs(
 @pytest.mark.parametrize("quality", ["low", "medium", "high"])
 def test_the_picture_is_the_same_without_them(quality: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Heaps of closed bodies behind each other and moved ones, with all triangles and with the picked."""
-    try:
-        create_context().release()
-    except RenderError as no_opengl:
-        pytest.skip(str(no_opengl))
+    need_opengl()
     chunks = [crumbs(700, k + 1, (6.0 + 7.0 * k, 0.0, 2.0), 4.0, Material.BRICK_RED) for k in range(6)]
     library = ModelLibrary({"heap": crumbs(700, 9, (0.0, 0.0, 0.0), 2.0, Material.CAR_PAINT)})
-    instances = Instances(
-        model=np.zeros(2, np.int32),
-        T_world_model=np.stack([transforms.from_rotation(TURN, (x, 1.0, 1.5)) for x in (9.0, 30.0)]),
-        instance=np.array([EGO_INSTANCE + 1, EGO_INSTANCE + 2], np.uint32),
-        tint=np.full((2, 3), 255, np.uint8),
-    )
+    poses = [transforms.from_rotation(TURN, (x, 1.0, 1.5)) for x in (9.0, 30.0)]
+    instances = standing(*poses, instance=EGO_INSTANCE + 1, tint=255)
 
     def picture() -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.uint8]]:
-        with SceneRenderer(chunks, library, quality=quality, albedo=plain_albedo()) as renderer:
+        with scene(*chunks, library=library, quality=quality) as renderer:
             gbuffer: GBuffer = renderer.draw(CAMERA, FORWARD, instances)
             rgb = renderer.shade(gbuffer, PRESETS["ClearNoon"])
             return gbuffer.depth_m(), gbuffer.labels()[1], rgb
@@ -162,27 +146,3 @@ def test_the_picture_is_the_same_without_them(quality: str, monkeypatch: pytest.
     # At an outline front and back lie equally deep, and without the back the front is sure to show.
     off = np.abs(few[2].astype(int) - all_of_them[2]).max(axis=2)
     assert np.mean(off > 0) < 5e-4
-
-
-def test_mip_maps_keep_the_light_of_a_texture() -> None:
-    """Dark and bright texels from afar look as bright as their mean in linear light."""
-    try:
-        create_context().release()
-    except RenderError as no_opengl:
-        pytest.skip(str(no_opengl))
-    wall = [[40.0, 30.0, 0.0], [40.0, -30.0, 0.0], [40.0, -30.0, 30.0], [40.0, 30.0, 30.0]]
-    uv = [[30.0, 0.0], [-30.0, 0.0], [-30.0, 30.0], [30.0, 30.0]]
-    mesh = make_mesh(wall, [[0, 1, 2], [0, 2, 3]], material=Material.GLASS, tag=Tag.WALL, uv_m=uv)
-
-    def light(texels: NDArray[np.float16]) -> float:
-        albedo = np.zeros((len(Material), 64, 64, 4), np.float16)
-        albedo[..., :3] = texels[..., None]
-        albedo[..., 3] = 1.0
-        with SceneRenderer([mesh], ModelLibrary({}), quality="medium", albedo=albedo) as renderer:
-            gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
-            assert np.all(gbuffer.depth_m()[60:80, 140:180] > 0.0)
-            return float(renderer.radiance_cd_m2(gbuffer, PRESETS["CloudyNoon"])[60:80, 140:180].mean())
-
-    checks = np.where(np.indices((64, 64)).sum(axis=0) % 2 == 0, 0.02, 0.62).astype(np.float16)
-    plain = light(np.full((64, 64), 0.32, np.float16))
-    assert light(checks) == pytest.approx(plain, rel=0.02)
