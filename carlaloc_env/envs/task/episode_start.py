@@ -30,7 +30,7 @@ _TRIES, _SHORT_TRIES = 200, 40
 """Draws for such a route, and then for one as long as a smaller map allows."""
 _LANE_LEAST_M = 20.0
 """Shorter lanes are no place to begin or to end at, where others are [m]."""
-_SHORTEST_M = 2.0
+_SHORTEST_ROUTE_M = 2.0
 """No route is shorter [m]."""
 
 Point = tuple[float, float]
@@ -142,7 +142,7 @@ def _random_route(town: Town, rng: np.random.Generator, spawn: Point | None) -> 
     plain = [lane.index for lane in network.lanes if usable[lane.index] and lane.junction_id is None]
     lanes = [lane for lane in plain if network.lanes[lane].length_m > _LANE_LEAST_M] or plain
     shorter: Route | None = None
-    for least_m, tries in ((RANDOM_ROUTE_M[0], _TRIES), (_SHORTEST_M, _SHORT_TRIES)):
+    for least_m, tries in ((RANDOM_ROUTE_M[0], _TRIES), (_SHORTEST_ROUTE_M, _SHORT_TRIES)):
         for _ in range(tries if lanes else 0):
             route = _drawn_route(network, lanes, rng, spawn, least_m)
             if route is not None and route.length_m >= RANDOM_ROUTE_M[0]:

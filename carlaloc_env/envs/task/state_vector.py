@@ -25,7 +25,7 @@ SIGHT_M = 100.0
 """Distance up to which lights and vehicles ahead count [m]."""
 NEAR_M = 20.0
 """A finer scale, for the nearer of them once more [m]: over 100 m, one metre and two look alike."""
-_SHORTEST_M = 0.5
+_SHORTEST_BRAKING_M = 0.5
 """Shorter distances do not make the needed deceleration greater [m]."""
 NEIGHBOURS = 16
 """Road users in the vector, the nearest first."""
@@ -228,7 +228,7 @@ class StateVector:
 
 def _deceleration(closing_mps: float, distance_m: float) -> float:
     """Constant deceleration [m/s²] that takes a closing speed away within a distance: v² / (2 d)."""
-    return max(closing_mps, 0.0) ** 2 / (2.0 * max(distance_m, _SHORTEST_M))
+    return max(closing_mps, 0.0) ** 2 / (2.0 * max(distance_m, _SHORTEST_BRAKING_M))
 
 
 def _stopping_speed(distance_m: float) -> float:
