@@ -13,6 +13,7 @@ from shared_fixtures.worlds.towns import town_network
 from benchmarks.traffic_audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import find_town
 from carlaloc_env.traffic.config import traffic_of_town
@@ -24,7 +25,7 @@ from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 @pytest.fixture(scope="module")
 def tables() -> TrafficTables:
     """What traffic knows of Town03."""
-    return TrafficTables(town_network("Town03"))
+    return TrafficTables(load_town("Town03").network)
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalPlan, SignalState
@@ -33,7 +33,7 @@ FAR_AWAY = EgoView(position_m=(1e5, 1e5, 0.0), heading_rad=0.0, speed_mps=0.0)
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
     """Town03's lanes."""
-    return town_network("Town03")
+    return load_town("Town03").network
 
 
 @pytest.fixture(scope="module")

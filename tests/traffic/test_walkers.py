@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shared_fixtures.worlds.towns import town_network
 
 from benchmarks.traffic_audit import NOBODY, on_walkable
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN
 from carlaloc_env.traffic.tables.sidewalk_tables import CROSSWALK
@@ -20,7 +20,7 @@ from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 @pytest.fixture(scope="module")
 def tables() -> TrafficTables:
     """What traffic knows of Town03."""
-    return TrafficTables(town_network("Town03"))
+    return TrafficTables(load_town("Town03").network)
 
 
 def test_every_crosswalk_joins_two_sidewalks(tables: TrafficTables) -> None:

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.worlds.towns import town_network
 
 from benchmarks.traffic_audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
+from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import SignalTiming, TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -53,7 +53,7 @@ def town_route(town: str, network: LaneNetwork) -> Route:
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
     """Town03's lanes."""
-    return town_network("Town03")
+    return load_town("Town03").network
 
 
 @pytest.fixture(scope="module")
