@@ -25,15 +25,23 @@ pytest_plugins = [
 ]
 
 LONG = tuple(
-    f"tests/{folder}/"
-    for folder in ("whole", "streaming", "replaying", "envs", "benchmark", "robustness", "window", "drive")
+    f"tests/{place}"
+    for place in (
+        *("whole/", "streaming/", "replaying/", "envs/", "benchmark/", "robustness/", "window/", "drive/"),
+        *("sweep/", "breaking/", "closed_loop/"),
+        *("slam/test_keeper.py", "slam/test_external_programs.py", "slam/test_ros1_play.py"),
+        "writers/ros/test_ros_tools.py",
+    )
 )
-"""Folders whose tests start processes, replays, environments and windows: `make test` leaves them out."""
+"""Where tests start processes, replays, environments, windows, or programs of others.
+
+`make test` leaves these places out, `make test-long` runs them.
+"""
 FIRST = tuple(
     f"tests/whole/test_{module}.py"
     for module in ("journey", "drive_to_score", "live_and_replayed", "formats_and_commands")
 )
-"""Modules of these folders that go through the whole, and so break first: `make test` runs them."""
+"""Modules there that go through the whole, and so break first: `make test` runs them."""
 
 
 def pytest_configure() -> None:
@@ -43,7 +51,7 @@ def pytest_configure() -> None:
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    """Mark the tests of long folders; single tests elsewhere have the mark in their module."""
+    """Mark the tests of long places; single tests elsewhere have the mark in their module."""
     if item.nodeid.startswith(LONG) and not item.nodeid.startswith(FIRST):
         item.add_marker("long")
 

@@ -159,8 +159,15 @@ def _drop_old(kept: Path, count: int) -> None:
         for path in kept.parent.glob(f"{name}-*")
         if path != kept and _KEY.fullmatch(path.stem, len(name))
     ]
-    for path in sorted(others, key=lambda path: path.stat().st_mtime)[: max(len(others) - count + 1, 0)]:
+    for path in sorted(others, key=_used_s)[: max(len(others) - count + 1, 0)]:
         path.unlink(missing_ok=True)
+
+
+def _used_s(path: Path) -> float:
+    """When a file was used last [s]; another process may have deleted it meanwhile."""
+    with suppress(OSError):
+        return path.stat().st_mtime
+    return 0.0
 
 
 def arrays_hash(arrays: Mapping[str, NDArray[Any]]) -> str:
