@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 from localizability import directions_past_the_car, is_loose, localizability
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array, Index, Mask
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast import Hits, RayScene
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage

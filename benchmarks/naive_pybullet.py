@@ -14,8 +14,8 @@ import pybullet
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 

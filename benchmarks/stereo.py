@@ -14,7 +14,7 @@ import numpy as np
 from timing import time_calls
 
 from carlaloc_env.actors.instances import instances_at
-from carlaloc_env.core.geometry.transforms import transform
+from carlaloc_env.core.transforms import transform
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage

@@ -1,20 +1,5 @@
 """Public names of the package, lent when asked for: the page docs/api.md explains them."""
 
-from carlaloc_env.core.controls import Controls as Controls
-from carlaloc_env.core.errors import ActionError as ActionError
-from carlaloc_env.core.errors import CarlaLocError as CarlaLocError
-from carlaloc_env.core.errors import ConfigError as ConfigError
-from carlaloc_env.core.errors import DeviceError as DeviceError
-from carlaloc_env.core.errors import EpisodeError as EpisodeError
-from carlaloc_env.core.errors import EvaluationError as EvaluationError
-from carlaloc_env.core.errors import MapError as MapError
-from carlaloc_env.core.errors import MissingDependencyError as MissingDependencyError
-from carlaloc_env.core.errors import OutputError as OutputError
-from carlaloc_env.core.errors import RaycastError as RaycastError
-from carlaloc_env.core.errors import RenderError as RenderError
-from carlaloc_env.core.errors import WriterError as WriterError
-from carlaloc_env.core.geometry.camera_model import Pinhole as Pinhole
-from carlaloc_env.core.geometry.lens_distortion import Lens as Lens
 from carlaloc_env.driving.driver_view import DriverView as DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld as DrivingWorld
 from carlaloc_env.envs.any_town_env import AnyTownEnv as AnyTownEnv

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

@@ -19,7 +19,7 @@ import numpy as np
 from shared_fixtures.drives.drives import small_cameras
 from shared_fixtures.worlds.maps import VILLAGE
 
-from carlaloc_env.core.geometry.transforms import rpy_to_quat
+from carlaloc_env.core.transforms import rpy_to_quat
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera.config import CameraConfig

@@ -10,10 +10,10 @@ from bench import Bench, Row
 from scenario import SEED, TOWN
 from timing import time_calls
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.clock import STEP_NS, TICK_S
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera.camera import CameraSensor
 from carlaloc_env.sensors.camera.config import CameraConfig

@@ -10,7 +10,7 @@ from bench import Bench, Row
 from scenario import SEED, TOWN
 from timing import Timing, time_calls
 
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.rig_parts import stereo_of

@@ -14,7 +14,7 @@ from scenario import SEED, TOWN, advance
 from timing import time_calls
 
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv

@@ -1,8 +1,20 @@
-"""Time as integers: 200 Hz ticks and nanoseconds since the drive began."""
+"""Time as integers, and randomness that is keyed by it.
+
+Time as integers: 200 Hz ticks and nanoseconds since the drive began.
+
+Counter-based randomness: one stream per (seed, name, stamp).
+
+A number depends on nothing but its key, so neither the order of sampling, nor parallel workers,
+nor a further sensor changes the noise of a sensor (Salmon et al., "Parallel random numbers: as
+easy as 1, 2, 3", SC 2011: Philox).
+"""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
+
+import numpy as np
 
 from carlaloc_env.core.errors import ConfigError
 
@@ -59,3 +71,22 @@ class Schedule:
         """Stamps [ns] of all measurements in ``[first_ns, end_ns)``."""
         ticks = self.ticks_in(-(-first_ns // TICK_NS), -(-end_ns // TICK_NS))
         return [stamp_ns(tick) for tick in ticks]
+
+
+_WORD = (1 << 64) - 1
+"""64 bits."""
+
+
+def stream(seed: int, name: str, stamp_ns: int = 0, index: int = 0) -> np.random.Generator:
+    """Generator of one stream, the same on every machine and in every order of calls.
+
+    Args:
+        seed: The one seed of an episode or a replay.
+        name: Name of what draws, e.g. ``"lidar/range"``.
+        stamp_ns: Stamp of the sample the numbers are for [ns]; may be negative.
+        index: Further counter, e.g. a block or an actor.
+    """
+    digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest()
+    key = np.frombuffer(digest, dtype="<u8").astype(np.uint64)
+    counter = np.array([0, 0, index & _WORD, stamp_ns & _WORD], dtype=np.uint64)
+    return np.random.Generator(np.random.Philox(key=key, counter=counter))

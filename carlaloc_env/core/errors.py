@@ -1,8 +1,12 @@
-"""Named errors: one line each, saying what is wrong and what to do next."""
+"""Named errors: one line each, saying what is wrong and what to do next.
+
+Names that become parts of file names, topics and frames.
+"""
 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
 LENGTH_MAX = 600
@@ -88,3 +92,28 @@ def _one_line(text: str) -> str:
     line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     half = LENGTH_MAX // 2 - 2
     return line if len(line) <= LENGTH_MAX else f"{line[:half]} … {line[-half:]}"
+
+
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
+
+
+def is_name(text: str) -> bool:
+    """Whether a text may name a sensor, frame, town or sequence: letters, digits, ``_``, ``.`` and ``-``."""
+    return bool(_NAME.fullmatch(text)) and text not in (".", "..")
+
+
+def check_name(what: str, text: str) -> str:
+    """The text, if it is a name; what comes from files of others must not lead to other folders.
+
+    Args:
+        what: What it names, for the message, such as ``"sensor"``.
+        text: What a file or a user says.
+
+    Raises:
+        ConfigError: it holds other characters, or is empty, too long, ``.`` or ``..``.
+    """
+    if not is_name(text):
+        raise ConfigError(
+            f"{what} {text[:120]!r}: names have 1 to 100 letters, digits, '_', '.' or '-'; rename it"
+        )
+    return text

@@ -1,4 +1,9 @@
-"""Functions compiled to machine code, once per machine: numba keeps them on disk."""
+"""Functions compiled to machine code, once per machine: numba keeps them on disk.
+
+Compiled functions called without the look at their arguments' types with which every call begins.
+
+Where arguments are named tuples of many arrays, that look takes longer than a short kernel.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
-from carlaloc_env.core.files.file_lock import locked
+from carlaloc_env.core.files.output_paths import locked
 from carlaloc_env.core.files.source_digest import source_digest
 
 P = ParamSpec("P")
@@ -112,3 +117,21 @@ def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BA
     if failed:
         raise failed[0]
     return [found[number] for number in range(len(bands))]
+
+
+def same_types(function: Callable[..., R]) -> Callable[..., R]:
+    """A compiled function for a caller whose arguments have the types of the first call at every call.
+
+    Nothing checks that they have: arrays the same data types, axes, order and permission to write. So one
+    object makes them all and keeps this function to itself. Arguments are given by position.
+    """
+    dispatcher: Any = function
+    machine_code: Callable[..., R] | None = None
+
+    def call(*arguments: Any) -> R:
+        nonlocal machine_code
+        if machine_code is None:
+            machine_code = dispatcher.compile(tuple(map(numba.typeof, arguments)))
+        return machine_code(*arguments)
+
+    return call

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
-from carlaloc_env.core.controls import Controls
-from carlaloc_env.core.ego_car import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M, Controls
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.driving.driver_view import DriverView

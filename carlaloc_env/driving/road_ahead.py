@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.driving.crossing_traffic import crossing_traffic
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.ego import EgoState

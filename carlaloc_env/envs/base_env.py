@@ -14,7 +14,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import EzPickle
 
 from carlaloc_env.core.errors import ClosedError, ConfigError
-from carlaloc_env.core.files.config_mapping import to_mapping
+from carlaloc_env.core.files.config_files import to_mapping
 
 
 class BaseEnv(gymnasium.Env[Any, Any], EzPickle):

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.actors.instances import instances_at
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.snapshot import Snapshot

@@ -8,9 +8,8 @@ from hashlib import sha256
 from typing import Any
 
 from carlaloc_env.core.clock import TICK_NS, Schedule
-from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.files.config_mapping import from_mapping
-from carlaloc_env.core.names import is_name
+from carlaloc_env.core.errors import ConfigError, is_name, unknown_name
+from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.faults.calibration import PREFIX, MountedFaults
 from carlaloc_env.faults.camera import CameraFaults
 from carlaloc_env.faults.fields import active, quantities

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from carlaloc_env.core import elementary
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.faults.calibration import MountedFaults
 from carlaloc_env.faults.fields import fault, setting
 from carlaloc_env.faults.timing import Draws

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.faults.fields import check_fields, fault, setting
 from carlaloc_env.samples import Sample
@@ -31,7 +31,7 @@ class Draws:
 
     def at(self, what: str, stamp_ns: int = 0) -> np.random.Generator:
         """Generator of a fault and stamp, the same in any order of calls."""
-        return rng.stream(self.seed, f"{self.target}/fault/{what}", stamp_ns)
+        return clock.stream(self.seed, f"{self.target}/fault/{what}", stamp_ns)
 
     def is_in_burst(self, what: str, stamp_ns: int, share: float, length: float) -> bool:
         """Whether a sample lies in a burst of Gilbert's and Elliott's chain in its stationary state.

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.controls import Controls
-from carlaloc_env.core.direct_calls import same_types
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.jit import same_types
 from carlaloc_env.physics.car_body import Pose, Twist, base_motion, push_car
 from carlaloc_env.physics.ground_heights import highest_below
 from carlaloc_env.physics.params import VehicleParams

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.files.array_cache import Arrays, arrays_hash, cached
-from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES, read_only
+from carlaloc_env.core.files.array_cache import SHARED_FROM_BYTES, Arrays, arrays_hash, cached, read_only
 from carlaloc_env.physics.ground_heights import GroundTable, Squares, ground_table
 
 KEPT_FILES = 16

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from carlaloc_env.core import elementary
-from carlaloc_env.core.ego_car import (
+from carlaloc_env.core.array_types import GRAVITY_MPS2
+from carlaloc_env.core.ego import (
     EGO_FRONT_M,
     EGO_REAR_M,
     EGO_SIZE_M,
@@ -16,7 +17,6 @@ from carlaloc_env.core.ego_car import (
     EGO_TYRE_RADIUS_M,
     EGO_WHEELBASE_M,
 )
-from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,11 +9,10 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.array_types import GRAVITY_MPS2, Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.elementary_kernels import arctan, sin_cos, tan
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.physics.ground_heights import GroundTable, highest_below
 from carlaloc_env.physics.tyre import advance_tyre, lateral_mu
 from carlaloc_env.physics.wheel_table import PLACES, CarTables

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.physical_constants import GRAVITY_MPS2
+from carlaloc_env.core.array_types import GRAVITY_MPS2, Array
 from carlaloc_env.physics.params import VehicleParams
 
 _FIXED = (

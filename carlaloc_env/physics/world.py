@@ -10,9 +10,9 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import GRAVITY_MPS2
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.physics.actor_pool import ActorPool
 from carlaloc_env.physics.contacts import Contact, ContactLog, Vector3
 from carlaloc_env.physics.kept_ground import kept_ground

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.actors.articulation import steered_mesh
 from carlaloc_env.actors.ray_models import ray_models, ray_postures
-from carlaloc_env.core import elementary
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import F32, Array
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast.culling import Cylinders, candidates
 from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.raycast.surface import Surface, import_open3d

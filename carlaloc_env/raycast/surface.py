@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.errors import RaycastError
-from carlaloc_env.core.files.shared_arrays import in_shared_memory, read_only
+from carlaloc_env.core.files.array_cache import in_shared_memory, read_only
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.scene.mesh import Mesh

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
 from carlaloc_env.render.geometry.geometry_pass import GeometryPass, distance_m

@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
 from carlaloc_env.render.geometry.geometry_pass import Casters
@@ -273,4 +273,4 @@ class Shader:
 def _grain_key(view: CameraView, stamp_ns: int, seed: int) -> int:
     """Key of a picture's dither and noise: other in every camera, since no two see the same photons."""
     x, y, z = (round(1e3 * float(value)) for value in view.position_m)
-    return int(rng.stream(seed, f"render/grain/{x}/{y}/{z}", stamp_ns).integers(1 << 32))
+    return int(clock.stream(seed, f"render/grain/{x}/{y}/{z}", stamp_ns).integers(1 << 32))

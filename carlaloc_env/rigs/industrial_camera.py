@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from carlaloc_env.core.geometry.lens_distortion import Lens
+from carlaloc_env.core.camera_model import Lens
 from carlaloc_env.sensors.imaging.imager import ImagerConfig
 from carlaloc_env.sensors.imaging.shutter_config import ShutterConfig
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.rigs.industrial_camera import industrial_imager, industrial_shutter, wide_angle_lens
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount

@@ -12,10 +12,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.files.config_mapping import from_mapping, to_mapping
-from carlaloc_env.core.files.text_files import read_text
-from carlaloc_env.core.names import check_name
+from carlaloc_env.core.errors import ConfigError, check_name, unknown_name
+from carlaloc_env.core.files.config_files import from_mapping, read_text, to_mapping
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Sensor, SensorConfig, World

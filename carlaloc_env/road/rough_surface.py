@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 
@@ -80,7 +80,7 @@ class RoughSurface:
         gain: Array = np.where(inside, np.sqrt(density), 0.0) / spacing_m
         gain *= elementary.exp(-2.0 * (math.pi * blur_m * radius) ** 2)
         gain /= _knot_gain(east * spacing_m) * _knot_gain(north * spacing_m)
-        white = rng.stream(seed, name).standard_normal((size, size))
+        white = clock.stream(seed, name).standard_normal((size, size))
         heights = np.fft.irfft2(np.fft.rfft2(white) * gain, s=(size, size))
         self._coefficients = (np.round(heights / _GRAIN_M) * _GRAIN_M).astype(np.float32)
         turn = float(elementary.arctan(_TURN))

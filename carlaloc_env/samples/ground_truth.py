@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core import transforms
 from carlaloc_env.samples.base import Sample, check_arrays
 
 

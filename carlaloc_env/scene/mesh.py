@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.core.geometry.transforms import cross
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.clock import STEP_NS, Schedule
-from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.core.names import check_name
+from carlaloc_env.core.errors import ConfigError, check_name, unknown_name
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.limits import check_limits
 from carlaloc_env.timeline.timeline import Timeline

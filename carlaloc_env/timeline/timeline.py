@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
-from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.vehicle_track import CarTrack

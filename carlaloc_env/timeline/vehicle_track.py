@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS, TICK_S
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")

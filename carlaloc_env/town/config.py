@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.files import config_mapping
-from carlaloc_env.core.files.text_files import read_text
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.files import config_files
+from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.road.rough_surface import ROAD_CLASSES
 
 if sys.version_info >= (3, 11):
@@ -261,14 +261,14 @@ class TownConfig:
                 raise ConfigError(f"{where}: town: {unknown_name('key', key, TOWN_KEYS)}")
 
         def section(kind: type[T], name: str) -> T:
-            return config_mapping.from_mapping(kind, content.get(name, {}), f"{where}: {name}")
+            return config_files.from_mapping(kind, content.get(name, {}), f"{where}: {name}")
 
         def tables(kind: type[T], name: str) -> tuple[T, ...]:
             entries = content.get(name, [])
             if not isinstance(entries, list):
                 raise ConfigError(f"{where}: {name}: write [[{name}]] above each one, in double brackets")
             names = (f"{where}: {name}[{n}]" for n in range(len(entries)))
-            return tuple(config_mapping.from_mapping(kind, e, w) for e, w in zip(entries, names, strict=True))
+            return tuple(config_files.from_mapping(kind, e, w) for e, w in zip(entries, names, strict=True))
 
         return dataclasses.replace(
             section(TownConfig, "town"),

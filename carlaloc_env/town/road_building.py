@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.default_zones import choose_zones
 from carlaloc_env.town.lanes.build_network import build_network

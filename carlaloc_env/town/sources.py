@@ -8,9 +8,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from carlaloc_env.core.errors import MapError, unknown_name
+from carlaloc_env.core.errors import MapError, is_name, unknown_name
 from carlaloc_env.core.files.array_cache import content_hash
-from carlaloc_env.core.names import is_name
 from carlaloc_env.town.opendrive.file_text import MAP_SUFFIXES
 
 NAME_LIMIT = 80

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.road.road_profile import Roughness
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.config import TownConfig

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.files.array_cache import Arrays
-from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.core.geometry.map_projection import ProjectedReference
+from carlaloc_env.core.geodesy import GeoReference, ProjectedReference
 from carlaloc_env.road.road_profile import LevelGrid, Relief
 from carlaloc_env.town.lanes import network_arrays
 from carlaloc_env.town.lanes.build_lanes import road_map

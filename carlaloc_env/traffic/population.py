@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS, Tints
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego_car import EGO_WHEELBASE_M
+from carlaloc_env.core.ego import EGO_WHEELBASE_M
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog
@@ -29,7 +29,7 @@ _CYCLE_EDGE_M = 0.75
 
 def draw_vehicles(config: TrafficConfig) -> tuple[list[str], NDArray[np.uint8]]:
     """Model names of all vehicles and their colours (N, 3)."""
-    draw = rng.stream(config.seed, "traffic/fleet")
+    draw = clock.stream(config.seed, "traffic/fleet")
     names = draw_names(draw, {name: model.weight for name, model in VEHICLES.items()}, config.vehicles)
     return names, np.array([draw_tint(draw, VEHICLES[name].tints) for name in names], np.uint8)
 
@@ -40,7 +40,7 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     Headways as in towns (Treiber & Kesting, "Traffic Flow Dynamics", ch. 11); accelerations up to those of
     SUMO's vehicle classes.
     """
-    draw = rng.stream(config.seed, "traffic/drivers")
+    draw = clock.stream(config.seed, "traffic/drivers")
     count = len(names)
     models = [VEHICLES[name] for name in names]
     tag = np.array([int(model.tag) for model in models], dtype=np.int64)
@@ -88,7 +88,7 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
 
 def draw_catalog(names: list[str], tints: NDArray[np.uint8], config: TrafficConfig) -> ActorCatalog:
     """All vehicles, then all walkers."""
-    draw = rng.stream(config.seed, "traffic/people")
+    draw = clock.stream(config.seed, "traffic/people")
     walker_models = draw_names(draw, {name: model.weight for name, model in WALKERS.items()}, config.walkers)
     clothes = np.array([draw_tint(draw, WALKERS[name].tints) for name in walker_models], np.uint8)
     return catalog_of(names, walker_models, np.concatenate([tints.reshape(-1, 3), clothes.reshape(-1, 3)]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.population import catalog_of, draw_names, draw_tint
@@ -27,7 +27,7 @@ def standing_traffic(
     """
     lanes, stations = TrafficTables(network).starting_positions(seed, np.zeros((0, 3)))
     drivers = network.pose(lanes[:vehicles], stations[:vehicles])
-    draw = rng.stream(seed, "preview/traffic")
+    draw = clock.stream(seed, "preview/traffic")
     names = draw_names(draw, {n: m.weight for n, m in VEHICLES.items()}, len(drivers.heading_rad))
     sidewalk = np.array(network.sidewalks, dtype=np.intp)
     length = network.tables.length_m[sidewalk] if len(sidewalk) else np.zeros(0)

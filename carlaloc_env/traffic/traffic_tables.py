@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.files.array_cache import arrays_hash, cached
 from carlaloc_env.town.build import KEPT_FILES
@@ -127,7 +127,7 @@ class TrafficTables:
         fast = self.network.speed_limit_mps(lanes, stations) > _FAST_MPS - 0.1
         first_of_platoon = np.arange(len(lanes)) - slot % PLATOON
         group = np.where(fast, np.maximum(first_of_platoon, 0), np.arange(len(lanes)))
-        order = weighted_order(rng.stream(seed, "traffic/place"), self._demand[lanes], group)
+        order = weighted_order(clock.stream(seed, "traffic/place"), self._demand[lanes], group)
         lanes, stations = lanes[order], stations[order]
         keep = self.network.width_m(lanes, stations) > _NARROWEST_M
         if len(keep_clear_m):

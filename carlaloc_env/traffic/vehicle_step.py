@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.direct_calls import same_types
-from carlaloc_env.core.jit import compiled
+from carlaloc_env.core.jit import compiled, same_types
 from carlaloc_env.traffic.junctions.approach import collect_requests
 from carlaloc_env.traffic.junctions.conflict_yielding import release_passed, wait_inside
 from carlaloc_env.traffic.junctions.right_of_way import admit

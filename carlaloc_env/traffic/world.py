@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.direct_calls import same_types
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.jit import same_types
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.actor_frames import new_arrays, put_actors, put_boxes

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.geometry.transforms import quat_conjugate, quat_rotate
+from carlaloc_env.core.transforms import quat_conjugate, quat_rotate
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name

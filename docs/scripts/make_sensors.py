@@ -13,9 +13,9 @@ from typing import Any
 from gymnasium import spaces
 
 from carlaloc_env import samples
-from carlaloc_env.core.files.config_mapping import to_mapping
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.files.config_files import to_mapping
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.rigs.memory import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
 from carlaloc_env.rigs.presets import RIGS
 from carlaloc_env.sensors.base import Mount, SensorConfig

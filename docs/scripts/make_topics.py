@@ -7,7 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.rigs.presets import paper_rig
 from carlaloc_env.rigs.rig import Rig, SensorRig
 from carlaloc_env.samples import (

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from carlaloc_env import Sample, Sensor, SensorConfig, Timeline
-from carlaloc_env.core.geometry.transforms import quat_rotate
+from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.sensors.base import World
 
 ANGLES = np.radians(np.arange(-180.0, 180.0))

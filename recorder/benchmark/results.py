@@ -10,7 +10,7 @@ from dataclasses import asdict
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.benchmark.score import Score, score_run

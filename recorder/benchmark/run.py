@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError
-from carlaloc_env.core.files.last_line import last_line
+from carlaloc_env.core.files.config_files import last_line
 from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
 from recorder.benchmark.config import BenchmarkConfig, cores
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import apply, invert, transform, wrap_angle
+from carlaloc_env.core.transforms import apply, invert, transform, wrap_angle
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.driving.road_ahead import RoadAhead

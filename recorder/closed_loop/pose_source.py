@@ -11,7 +11,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry.transforms import from_rotation, invert, transform
+from carlaloc_env.core.transforms import from_rotation, invert, transform
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu, PointCloud, Sample

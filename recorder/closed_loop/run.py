@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego_car import EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.town.lanes.lane_network import LaneNetwork

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry.transforms import invert, transform
+from carlaloc_env.core.transforms import invert, transform
 from recorder.evaluation.associate import Association, associate
 from recorder.evaluation.se3 import log_se3, moved_covariance
 from recorder.evaluation.trajectory import Trajectory

@@ -6,8 +6,8 @@ import hashlib
 from pathlib import Path
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.text_files import read_text
+from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.dataset.layout import CHECKSUMS
 
 

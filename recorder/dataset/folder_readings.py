@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.text_files import read_text
+from carlaloc_env.core.files.config_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu, PointCloud, Sample, SemanticImage
 from recorder.dataset.bags import messages, stamp_ns, topic_of, topics_in

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.files.atomic_write import part_path
-from carlaloc_env.core.files.output_paths import path_below
+from carlaloc_env.core.files.output_paths import part_path, path_below
 
 DATASET, SEQUENCE, CHECKSUMS = "dataset.yaml", "sequence.yaml", "SHA256SUMS"
 """Descriptions of a dataset and of a sequence; checksums of all files below a folder."""

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from rosbags.highlevel import AnyReader
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.pose_order import in_order
 from recorder.evaluation.trajectory import Trajectory
 

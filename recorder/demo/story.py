@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.parameters import weather_by_name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.driving.driver_view import DriverView
 
 

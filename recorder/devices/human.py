@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.params import VehicleParams

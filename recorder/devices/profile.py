@@ -13,9 +13,8 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, DeviceError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.config_mapping import from_mapping, to_mapping
-from carlaloc_env.core.files.text_files import read_text
+from carlaloc_env.core.files.config_files import from_mapping, read_text, to_mapping
+from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.devices.axes import AxisShape
 from recorder.devices.commands import Command
 

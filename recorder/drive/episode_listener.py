@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame

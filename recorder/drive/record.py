@@ -15,7 +15,7 @@ from typing import Any
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
-from carlaloc_env.core.freed_memory import give_back_freed_memory
+from carlaloc_env.core.files.array_cache import give_back_freed_memory
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town

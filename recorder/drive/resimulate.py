@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.core.files.config_mapping import from_mapping
+from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoState

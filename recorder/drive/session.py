@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import OutputError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog

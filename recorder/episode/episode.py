@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline

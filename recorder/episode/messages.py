@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from carlaloc_env.core.clock import stamp_ns
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from recorder.episode.record_type import RecordType
 
 EGO = RecordType(

@@ -6,8 +6,7 @@ import heapq
 from pathlib import Path
 
 from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file
+from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, atomic_write, check_output_file
 from recorder.episode.actor_messages import ACTORS
 from recorder.episode.episode import Episode, read_episode_file
 from recorder.episode.file_names import RECORDING_SUFFIX

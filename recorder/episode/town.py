@@ -6,8 +6,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from carlaloc_env.core.errors import EpisodeError, MapError
-from carlaloc_env.core.names import is_name
+from carlaloc_env.core.errors import EpisodeError, MapError, is_name
 from carlaloc_env.town.sources import TownId, find_town, identify_town, known_towns
 from recorder.episode.episode import Episode
 

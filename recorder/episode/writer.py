@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS, stamp_ns
 from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.core.files.atomic_write import part_path
+from carlaloc_env.core.files.output_paths import part_path
 from carlaloc_env.timeline.timeline import ActorFrame
 from recorder.episode.actor_messages import ACTORS, pack_actors
 from recorder.episode.file_names import check_episode_output, recording_path, repair_command

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.text_files import read_text
+from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.evaluation.trajectory import Trajectory
 
 SUFFIX = ".cov"

@@ -8,8 +8,8 @@ from enum import Enum
 
 import numpy as np
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.trajectory import Trajectory
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import invert, matrix_to_quat, quat_to_rotvec
+from carlaloc_env.core.transforms import invert, matrix_to_quat, quat_to_rotvec
 
 _SMALL_RAD = 1e-4
 """Below this angle, series take the place of quotients that cancel [rad]."""

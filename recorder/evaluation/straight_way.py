@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.trajectory import Trajectory
 
 _NARROW, _LINE = 0.05, 1e-4

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.align import Alignment, align
 from recorder.evaluation.associate import Association, associate
 from recorder.evaluation.trajectory import Trajectory

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.geometry.transforms import rpy_to_quat
+from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.transforms import rpy_to_quat
 from recorder.evaluation.covariance_files import stamped_lines
 from recorder.evaluation.pose_order import in_order
 from recorder.evaluation.tables.kitti_poses import matrix_place, poses_of

@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import OutputError, WriterError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.file_lock import take_lock
+from carlaloc_env.core.files.output_paths import atomic_write, take_lock
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
 from recorder.factory.plan import SAMPLE_FROM_S, DatasetConfig, length_s, plan_dataset

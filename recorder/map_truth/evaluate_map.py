@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, EvaluationError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import merge
 from carlaloc_env.sensor_stage import SensorStage

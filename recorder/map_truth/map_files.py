@@ -11,7 +11,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError, OutputError
-from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.raycast.surface import import_open3d
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import colourise

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import F32, U8, Array, Index, Mask
+from carlaloc_env.core.clock import stream
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.rng import stream
 from carlaloc_env.scene.mesh import Mesh
 
 _BLOCK = 1 << 20

@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import U8, Array, Mask
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.raycast.surface import import_open3d
 from carlaloc_env.scene.mesh import Mesh

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array, Index, Mask
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.lidar.config import LidarConfig

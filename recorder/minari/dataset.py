@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import carlaloc_env
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError, unknown_name
-from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.envs.task.actions import action_kind
 from carlaloc_env.envs.task.agent_views import AgentView, agent_view, rig_of
 from carlaloc_env.envs.task.config import TaskConfig

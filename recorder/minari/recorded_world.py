@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.core.files.config_mapping import from_mapping
-from carlaloc_env.core.geometry.transforms import quat_to_matrix
+from carlaloc_env.core.files.config_files import from_mapping
+from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.timeline.timeline import ActorFrame

@@ -10,10 +10,10 @@ import cv2 as untyped_cv2
 import numpy as np
 from scipy.cluster.vq import kmeans2, vq
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import U8, Array
+from carlaloc_env.core.clock import stream
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.rng import stream
 from recorder.places.pairs import Frames
 
 cv2: Any = untyped_cv2

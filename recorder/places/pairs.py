@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.timeline.timeline import Timeline

@@ -9,8 +9,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.files.config_mapping import from_mapping
-from carlaloc_env.core.files.text_files import read_text
+from carlaloc_env.core.files.config_files import from_mapping, read_text
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.weather.schedule import weather_of
 from recorder.episode.traffic_level import traffic_level

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.names import check_name
+from carlaloc_env.core.errors import ConfigError, check_name
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.weather.changed_weather import weather_word
 from carlaloc_env.weather.schedule import Weather, weather_of

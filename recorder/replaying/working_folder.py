@@ -16,10 +16,8 @@ from shutil import rmtree
 from types import TracebackType
 from typing import IO, Any
 
-from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.files.file_lock import has_name, take_lock
-from carlaloc_env.core.files.output_paths import path_below
-from carlaloc_env.core.names import check_name
+from carlaloc_env.core.errors import WriterError, check_name
+from carlaloc_env.core.files.output_paths import has_name, path_below, take_lock
 from recorder.dataset.layout import CALIBRATION, GROUND_TRUTH, DriveFolder
 from recorder.dataset.manifest import has_drive, list_drive
 

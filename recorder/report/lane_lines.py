@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.names import is_name
+from carlaloc_env.core.errors import is_name
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8, Array
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.transforms import apply, invert
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import apply, invert
 from carlaloc_env.town.town import Town
 from recorder.report.lane_lines import lane_lines
 

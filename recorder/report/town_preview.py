@@ -10,11 +10,10 @@ import numpy as np
 
 from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.core.array_types import U8, Array
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.output_paths import check_output_file
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.transforms import R_FLU_OPTICAL, from_rotation
+from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.geometry.projection import FAR_M
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import Instances, ModelLibrary

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.output_paths import check_output_file
+from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.metrics import Metric
 

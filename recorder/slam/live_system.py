@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
-from carlaloc_env.core.files.last_line import last_line
+from carlaloc_env.core.files.config_files import last_line
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.feed_readings import NEXT
 from recorder.dataset.readings import ImuSample

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.core.files.last_line import last_line
+from carlaloc_env.core.files.config_files import last_line
 from recorder.slam.keeper import GRACE_S, descendants, kept
 from recorder.slam.worker import ESTIMATE, FACTS, FRAMES
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry.transforms import matrix_to_quat, transform
+from carlaloc_env.core.transforms import matrix_to_quat, transform
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.align import Alignment
 from recorder.evaluation.trajectory import Trajectory

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, WriterError
-from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.changed_weather import weather_word
 from recorder.dataset.layout import SequenceFolder

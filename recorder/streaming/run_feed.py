@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.last_line import last_line
+from carlaloc_env.core.files.config_files import last_line
 from recorder.streaming.feed import SHARES, FeedJob
 from recorder.streaming.frames import FrameJob, Key
 

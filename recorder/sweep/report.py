@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.benchmark.page import page_head
 from recorder.benchmark.tables import RULE
 from recorder.evaluation.intervals import CONFIDENCE

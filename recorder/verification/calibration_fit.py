@@ -11,8 +11,8 @@ import numpy as np
 import yaml
 from rosbags.interfaces import Connection
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import DepthImage, Image, Imu, PointCloud, Sample
 from recorder.dataset.bags import open_bag, topic_of
 from recorder.dataset.layout import DriveFolder

@@ -8,8 +8,8 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
-from carlaloc_env.core.ego_car import EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.core.geometry.transforms import rpy_to_quat
+from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.transforms import rpy_to_quat
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
 from recorder.episode.episode import Episode

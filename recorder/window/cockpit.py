@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import OutputError
-from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.town import Town

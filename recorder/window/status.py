@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 
 
 @dataclass(slots=True)

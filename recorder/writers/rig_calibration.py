@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.lens_distortion import Lens
 from carlaloc_env.sensors.base import SensorConfig
 
 BASE_FRAME = "base_link"

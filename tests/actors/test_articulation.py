@@ -15,7 +15,7 @@ from carlaloc_env.assets.walkers.gait import SHANK, THIGH
 from carlaloc_env.assets.walkers.pedalling import FOOT_M, pedal_at, push_pedals
 from carlaloc_env.assets.walkers.skeleton import Joints
 from carlaloc_env.core.clock import TICK_NS
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag

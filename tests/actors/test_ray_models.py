@@ -12,8 +12,8 @@ from carlaloc_env.actors.articulation import LOW_FROM_M
 from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.assets.model_library import build_library
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag

@@ -27,7 +27,7 @@ PEAK = 7
 """Number of the sweep at which the system errs."""
 SYSTEM = f"""
 import numpy as np
-from carlaloc_env.core.geometry.transforms import transform
+from carlaloc_env.core.transforms import transform
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.system import System
 

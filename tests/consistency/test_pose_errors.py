@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry.transforms import (
+from carlaloc_env.core.transforms import (
     from_rotation,
     invert,
     matrix_to_quat,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from carlaloc_env.core import ego_car
+from carlaloc_env.core import ego
 from carlaloc_env.physics.params import VehicleParams
 
 
@@ -13,12 +13,12 @@ def test_rolling_radius_lies_below_the_loaded_radius() -> None:
     car = VehicleParams()
     for load_n in car.static_load_n:
         loaded_m = car.wheel_radius_m - load_n / car.tyre_npm
-        assert 0.0 < loaded_m - ego_car.EGO_ROLLING_RADIUS_M < 0.012 * loaded_m
+        assert 0.0 < loaded_m - ego.EGO_ROLLING_RADIUS_M < 0.012 * loaded_m
 
 
 def test_axles_and_tyres_fit_into_the_body() -> None:
     """Both axles lie between the bumpers, and tyres end inside the body's sides."""
-    assert ego_car.EGO_REAR_M < 0.0 < ego_car.EGO_WHEELBASE_M < ego_car.EGO_FRONT_M
-    length_m = ego_car.EGO_FRONT_M - ego_car.EGO_REAR_M
-    assert length_m == pytest.approx(ego_car.EGO_SIZE_M[0])
-    assert 0.5 * ego_car.EGO_TRACK_M < ego_car.EGO_TYRE_OUTER_M < 0.5 * ego_car.EGO_SIZE_M[1]
+    assert ego.EGO_REAR_M < 0.0 < ego.EGO_WHEELBASE_M < ego.EGO_FRONT_M
+    length_m = ego.EGO_FRONT_M - ego.EGO_REAR_M
+    assert length_m == pytest.approx(ego.EGO_SIZE_M[0])
+    assert 0.5 * ego.EGO_TRACK_M < ego.EGO_TYRE_OUTER_M < 0.5 * ego.EGO_SIZE_M[1]

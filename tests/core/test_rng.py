@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from carlaloc_env.core.rng import stream
+from carlaloc_env.core.clock import stream
 
 
 def test_same_key_same_numbers_in_any_order() -> None:

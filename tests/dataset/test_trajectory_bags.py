@@ -10,8 +10,8 @@ import pytest
 from shared_fixtures.readings.pose_bags import ODOMETRY, PATH, POSES, TF, Entry, Messages
 from shared_fixtures.readings.short_drive import EPOCH_NS, assert_same, drive
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry import transforms
 from recorder.dataset.trajectories import read_trajectory
 from recorder.evaluation.trajectory import Trajectory
 

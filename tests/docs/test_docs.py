@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import carlaloc_env
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.registry import SENSOR_KINDS

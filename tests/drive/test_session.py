@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.driving.driver_view import DriverView
 from recorder.devices.human import HumanDevice

@@ -13,7 +13,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from shared_fixtures.drives.straight_drives import MakeEnv
 
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ActionError
 from carlaloc_env.envs.any_town_env import AnyTownEnv
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv

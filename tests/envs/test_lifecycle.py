@@ -17,8 +17,8 @@ from shared_fixtures.drives.straight_drives import RIG as SMALL
 from shared_fixtures.drives.straight_drives import MakeEnv
 from shared_fixtures.processes.lifecycles import growth
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ClosedError, ConfigError, RenderError
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig

@@ -10,8 +10,8 @@ import pytest
 from shared_fixtures.drives.straight_drives import MakeEnv
 from shared_fixtures.worlds.render_scenes import need_opengl
 
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shared_fixtures.drives.straight_drives import MakeEnv
 
-from carlaloc_env.core.ego_car import EGO_FRONT_M
+from carlaloc_env.core.ego import EGO_FRONT_M
 from carlaloc_env.envs.task.config import TaskConfig
 from carlaloc_env.traffic.signals import SignalState
 

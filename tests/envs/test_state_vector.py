@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from shared_fixtures.drives.straight_drives import MakeEnv
 
-from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.envs.task.birds_eye_view import AHEAD_M, CHANNELS, PX_M, SIZE_PX
 from carlaloc_env.envs.task.neighbours import Ego, first_in_path

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.align import Alignment, umeyama
 from recorder.evaluation.associate import Association, associate
 from recorder.evaluation.evaluate import evaluate

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.pose_tables import DRESSINGS, MATRIX, NUMBER, XYZW, P, S, estimated, table
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.associate import Association, interpolation
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric

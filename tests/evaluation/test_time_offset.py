@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.associate import associate
 from recorder.evaluation.time_offset import find_time_offset
 from recorder.evaluation.trajectory import Trajectory

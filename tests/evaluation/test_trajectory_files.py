@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.short_drive import EPOCH_NS, assert_same, drive
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry import transforms
 from recorder.dataset.trajectories import read_trajectory
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.trajectory_files import write_tum

@@ -11,7 +11,7 @@ import pytest
 from shared_fixtures.readings.bag_samples import imu as imu_of
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.faults.camera import dirt, exposed
 from carlaloc_env.faults.faults import KINDS, Faults
 from carlaloc_env.faults.fields import quantities

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.geometry import transforms
 from recorder.cli.main import main
 from recorder.episode.episode import Episode
 from recorder.evaluation.align import Similarity

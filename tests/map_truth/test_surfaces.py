@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import ConfigError, EvaluationError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag

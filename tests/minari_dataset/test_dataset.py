@@ -14,7 +14,7 @@ from gymnasium.utils import seeding
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.core.clock import STEP_TICKS
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES
+from carlaloc_env.core.files.array_cache import SHARED_FROM_BYTES
 from carlaloc_env.physics.ground_heights import ground_table, highest_below
 from carlaloc_env.physics.kept_ground import ground_arrays, kept_ground
 from carlaloc_env.town.town import Town

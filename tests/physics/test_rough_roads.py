@@ -10,7 +10,7 @@ from shared_fixtures.drives.rough_drives import PARAMS, SPEED_MPS, motion_at, mo
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS, TICK_S
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road.road_profile import LevelGrid, Relief, Roughness

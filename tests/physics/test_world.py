@@ -12,7 +12,7 @@ from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ActionError, ConfigError
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.ground_heights import ground_table, highest_below

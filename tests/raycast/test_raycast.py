@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import RaycastError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag

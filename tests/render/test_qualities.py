@@ -19,7 +19,7 @@ from shared_fixtures.worlds.render_scenes import (
     wall,
 )
 
-from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core import transforms
 from carlaloc_env.render.lighting import night_lighting as night
 from carlaloc_env.render.lighting.light_tiles import tiled_lights
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, sky_light

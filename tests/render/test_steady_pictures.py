@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shared_fixtures.readings.orb_features import stereo_poses
 from shared_fixtures.worlds.render_scenes import need_opengl
 
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage

@@ -7,8 +7,8 @@ import pytest
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.transforms import from_rotation
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import from_rotation
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.standing_traffic import standing_traffic
 from recorder.report.town_map import ROUTE, SPAWN, MapView

@@ -10,8 +10,8 @@ import pytest
 from shared_fixtures.worlds.maps import VILLAGE
 from shared_fixtures.worlds.render_scenes import need_opengl
 
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.rigs.industrial_camera import (
     ADC_BITS,
     DYNAMIC_RANGE_DB,

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.rigs import memory
 from carlaloc_env.rigs.memory import available_bytes, check_memory, estimated_bytes
 from carlaloc_env.rigs.presets import RIGS, rig_by_name

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
-from carlaloc_env.core.controls import Controls
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.envs.observation import Observer
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample

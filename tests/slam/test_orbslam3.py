@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
 from recorder.dataset.readings import ImuSample, StereoPair

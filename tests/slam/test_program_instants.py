@@ -12,7 +12,7 @@ from shared_fixtures.processes.external_programs import EXTERNAL, missing_progra
 from shared_fixtures.readings.slam_dataset import describe, list_dataset
 from shared_fixtures.worlds.closed_room import EPOCH_S, SWEEP_S, late_s, write_room_bag
 
-from carlaloc_env.core.geometry.transforms import matrix_to_quat
+from carlaloc_env.core.transforms import matrix_to_quat
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.inertial.imu import ImuConfig

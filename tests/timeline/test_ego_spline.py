@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.clock import TICK_NS, TICK_S
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.timeline.ego_spline import EgoTrack
 
 

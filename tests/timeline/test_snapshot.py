@@ -9,7 +9,7 @@ import pytest
 from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.snapshot import Snapshot, is_blink
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE, Timeline

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.clock import TICK_NS
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.vehicle_track import CarTrack
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import FEATURE_SIZES, Feature, SignalTiming, TownConfig
 from carlaloc_env.town.sources import known_towns

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from carlaloc_env.core.ego_car import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.config import TrafficCounts
 from carlaloc_env.town.default_traffic import traffic_counts

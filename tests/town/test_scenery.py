@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from carlaloc_env.assets.vegetation.tree_species import FORMS
-from carlaloc_env.core.geometry.transforms import apply
+from carlaloc_env.core.transforms import apply
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh
 from carlaloc_env.scene.semantic_tags import Tag

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.small_towns import Built
 
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town_hash import town_hash
 from carlaloc_env.town.town_roads import TownRoads

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.small_towns import Built
 
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.mesh import merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.config import TownConfig

@@ -10,7 +10,7 @@ import pytest
 from shared_fixtures.worlds.equality import assert_same
 from shared_fixtures.worlds.small_towns import Built, straight_road
 
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.config import SignalTiming, TownConfig
 from carlaloc_env.town.lanes.build_network import build_network

@@ -8,7 +8,7 @@ import pytest
 from shared_fixtures.drives.drives import small_cameras
 
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.rigs.presets import flu_rig

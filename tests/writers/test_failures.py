@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.bag_samples import imu
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import EpisodeError, WriterError
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.samples import Image
 from recorder.episode.episode import EgoRow, EpisodeHeader, EpisodeWriter, open_episode
 from recorder.writers.base import Writer

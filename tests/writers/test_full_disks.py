@@ -11,8 +11,8 @@ import pytest
 from shared_fixtures.processes.small_disks import small_disk
 from shared_fixtures.readings.bag_samples import batch_of, cloud_of, imu, truth, write_all
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.samples import EVENT, Image, Sample
 from recorder.writers.base import Writer
 from recorder.writers.formats.dsec import DsecEncoder, DsecWriter

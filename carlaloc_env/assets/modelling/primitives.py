@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.assets.modelling.normals import crease
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import apply, cross
+from carlaloc_env.core.transforms import apply, cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import WHITE, Colour, Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

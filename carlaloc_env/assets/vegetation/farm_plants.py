@@ -8,7 +8,7 @@ from carlaloc_env.assets.modelling.primitives import Look, box, lathe, placed
 from carlaloc_env.assets.vegetation.foliage import leaf_colours, separate_leaves
 from carlaloc_env.assets.vegetation.shrubs import tufts
 from carlaloc_env.core import elementary
-from carlaloc_env.core.rng import stream
+from carlaloc_env.core.clock import stream
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag

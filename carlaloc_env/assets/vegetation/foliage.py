@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.modelling.primitives import circle
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import cross
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

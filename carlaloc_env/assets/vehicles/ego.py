@@ -11,7 +11,7 @@ from carlaloc_env.assets.modelling.primitives import placed
 from carlaloc_env.assets.vehicles.body import BodyShape
 from carlaloc_env.assets.vehicles.car_spec import CarSpec
 from carlaloc_env.assets.vehicles.cars import car
-from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M, EGO_WHEELBASE_M
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M, EGO_WHEELBASE_M
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 

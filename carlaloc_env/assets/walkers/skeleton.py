@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import cross
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.mesh import Mesh
 
 Joints = dict[str, Array]

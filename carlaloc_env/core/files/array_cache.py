@@ -2,17 +2,24 @@
 
 Their files are named after all that they come from, so that a change of the code, of a library or of the
 content makes a new file; those used longest ago go.
+
+Arrays that processes share: views of a file of the cache, whose pages are in memory once for all.
+
+What a process has freed, given back to the system.
 """
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
 import logging
 import math
+import mmap
 import os
 import re
 import stat
+import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -23,10 +30,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import OutputError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.file_lock import locked
+from carlaloc_env.core.files.output_paths import atomic_write, locked
 from carlaloc_env.core.files.source_digest import source_digest
-from carlaloc_env.core.freed_memory import give_back_mapped_pages
+
+
+def give_back_freed_memory() -> None:
+    """Return pages that were freed to the system, where the C library keeps them (glibc); else nothing.
+
+    Building a scene takes some hundred megabytes for a moment, which glibc would hold for good.
+    """
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
+
+
+def give_back_mapped_pages(array: NDArray[Any]) -> None:
+    """Let go of the pages of the whole file that an array is a view of; they are read again when needed.
+
+    Other arrays are left alone, and so are all on systems that cannot do it.
+    """
+    base: Any = array
+    while base is not None and not isinstance(base, mmap.mmap):
+        base = getattr(base, "base", None)
+    if base is not None and hasattr(mmap, "MADV_DONTNEED"):
+        base.madvise(mmap.MADV_DONTNEED)
+
 
 _log = logging.getLogger(__name__)
 """Log of misses."""
@@ -240,3 +269,42 @@ def _mapped(path: Path) -> tuple[Arrays, str]:
 
 def _first_byte(table_bytes: int) -> int:
     return -(-(len(SIGNATURE) + 8 + table_bytes) // ALIGNED_BYTES) * ALIGNED_BYTES
+
+
+SHARED_FROM_BYTES = 1 << 20
+"""Smaller arrays have memory of their own."""
+
+
+def read_only(arrays: Arrays) -> Arrays:
+    """Views to which nobody can write, as to those of a file, so that one compiled function takes both."""
+    views = {name: value.view() for name, value in arrays.items()}
+    for value in views.values():
+        value.setflags(write=False)
+    return views
+
+
+def in_shared_memory(arrays: Arrays, name: str, kind: str, *, module: str, kept_files: int) -> Arrays:
+    """The same arrays, read-only, in a file of the cache if they are large.
+
+    What nobody reads need not be in memory at all.
+
+    Args:
+        arrays: Arrays by name.
+        name: Beginning of the file's name.
+        kind: Its suffix without the dot.
+        module: Module that made them.
+        kept_files: Files of this name that are kept.
+    """
+    views = read_only(arrays)
+    if sum(value.nbytes for value in views.values()) < SHARED_FROM_BYTES:
+        return views
+    return cached(
+        name,
+        kind,
+        module=module,
+        make=lambda: views,
+        to_arrays=lambda made: made,
+        from_arrays=lambda found: {name: found[name] for name in views},
+        content=arrays_hash(views),
+        kept_files=kept_files,
+    )

@@ -1,11 +1,30 @@
-"""Whether an output may be written: the one rule of all commands and of all that they call."""
+"""Outputs: whether they may be written, whole or not at all, and by one process at a time.
+
+Whether an output may be written: the one rule of all commands and of all that they call.
+
+Files and folders that are written whole or not at all: under a temporary name first, renamed at the end.
+
+The temporary name of ``NAME`` is ``.NAME.part``, in the same folder, since a rename cannot cross disks. A
+killed process leaves it behind, and the next one that writes ``NAME`` removes it.
+
+There is no fsync here. A killed process needs none, and after a power cut these files can be made again,
+while one fsync a file would slow down a dataset of thousands. Recordings (`recorder.episode`) cannot be made
+again, and spools of units (`recorder.replaying`) are trusted by later runs: both call fsync themselves.
+
+Locks on files that the kernel lets go of however the process ends.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import IO, Any
 
-from carlaloc_env.core.errors import OutputError
+from carlaloc_env.core.errors import CarlaLocError, OutputError
 
 EPISODE_SUFFIX = ".mcap"
 """Suffix of episodes. A drive cannot be made again, so that no message proposes to overwrite one."""
@@ -76,3 +95,92 @@ def _check_parents(path: Path) -> None:
     above = next((folder for folder in path.absolute().parents if folder.exists()), None)
     if above is not None and not above.is_dir():
         raise OutputError(f"cannot write {path}: {above} is no folder; choose another place")
+
+
+@contextmanager
+def atomic_write(
+    path: Path, error: type[CarlaLocError] = OutputError, advice: str = "choose another place"
+) -> Iterator[Path]:
+    """Give the temporary path of a file or folder, which takes its name when the block ends.
+
+    An exception in the block removes the unfinished file, and leaves an older one unchanged.
+
+    Args:
+        path: Final path; folders above it are made.
+        error: Kind of the error raised.
+        advice: End of its message: what to do next.
+
+    Raises:
+        CarlaLocError: of this kind; the block, or the rename, raised an OSError.
+    """
+    part = part_path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        remove(part)
+        yield part
+        part.replace(path)
+    except OSError as fault:
+        raise error(f"cannot write {path}: {fault.strerror or fault}; {advice}") from fault
+    finally:
+        remove(part)
+
+
+def part_path(path: Path) -> Path:
+    """Name of a file or folder while it is written."""
+    return path.with_name(f".{path.name}.part")
+
+
+def remove(path: Path) -> None:
+    """Remove a file or folder, if it is there."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    elif path.parent.is_dir():
+        path.unlink(missing_ok=True)
+
+
+try:
+    import fcntl
+except ImportError:  # Windows, where an open file cannot be removed, so that it needs no lock.
+    fcntl = None  # type: ignore[assignment]
+
+_log = logging.getLogger(__name__)
+
+
+def take_lock(file: IO[Any], *, wait: bool = False) -> bool:
+    """Whether nobody else holds the file; it is held by us then, until it is closed.
+
+    Args:
+        file: The open file.
+        wait: Wait for whoever holds it; False comes then only where files cannot be locked.
+    """
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except OSError:
+        return False
+    return True
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold a file of this name, which is made where it is missing, so that processes take turns.
+
+    Where files cannot be locked (Windows, some network drives, a folder that cannot be written), no process
+    waits for another.
+    """
+    with ExitStack() as held:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            file = held.enter_context(path.open("a"))
+            if not take_lock(file):
+                _log.info("waiting for another process that holds %s", path)
+                take_lock(file, wait=True)
+        yield
+
+
+def has_name(file: IO[Any], path: Path) -> bool:
+    """Whether an open file is the one at a path; who held it before may have removed it."""
+    with suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    return False

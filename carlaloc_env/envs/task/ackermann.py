@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import atan
 from typing import NamedTuple
 
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import motor_force_n
 

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
 from carlaloc_env.envs.task.ackermann import AT_REST, Motion, controls_towards
 from carlaloc_env.physics.params import VehicleParams

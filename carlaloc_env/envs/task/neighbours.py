@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
 
 COLUMNS = 11

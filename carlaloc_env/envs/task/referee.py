@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.envs.task.config import TaskConfig
 from carlaloc_env.envs.task.task_world import TaskWorld
 from carlaloc_env.physics.contacts import Contact

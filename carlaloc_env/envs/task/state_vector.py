@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.envs.task.neighbours import COLUMNS, Ego, first_in_path, put_neighbours
 from carlaloc_env.envs.task.task_world import TaskWorld

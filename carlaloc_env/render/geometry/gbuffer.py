@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.scene.semantic_tags import Tag

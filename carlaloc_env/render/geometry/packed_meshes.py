@@ -8,9 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32
-from carlaloc_env.core.files.array_cache import Arrays, arrays_hash, cached
-from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES, read_only
-from carlaloc_env.core.freed_memory import give_back_mapped_pages
+from carlaloc_env.core.files.array_cache import (
+    SHARED_FROM_BYTES,
+    Arrays,
+    arrays_hash,
+    cached,
+    give_back_mapped_pages,
+    read_only,
+)
 from carlaloc_env.render.geometry.equal_vertices import without_doubles
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
 from carlaloc_env.scene.materials import Material, material_values

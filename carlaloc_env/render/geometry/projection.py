@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.jit import compiled
 
 NEAR_M = 0.2

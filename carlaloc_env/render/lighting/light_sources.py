@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import cross
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary
 

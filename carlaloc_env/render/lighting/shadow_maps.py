@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import cross
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.geometry_pass import Casters
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.geometry.static_scene import StaticScene

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.weather.parameters import WeatherParameters
 
@@ -263,7 +263,7 @@ def _exceeded_by(field: Array, share: float) -> float:
 
 
 def _value_noise(x: Array, y: Array, octave: int) -> Array:
-    lattice = rng.stream(0, "render/clouds", index=octave).random((64, 64))
+    lattice = clock.stream(0, "render/clouds", index=octave).random((64, 64))
     i, j = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     f, g = x - i, y - j
     f, g = f * f * (3 - 2 * f), g * g * (3 - 2 * g)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import cross
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.lighting.light_sources import Lights
 from carlaloc_env.render.precipitation.drop_kernels import drops_in_cells, light_drops
@@ -94,7 +94,7 @@ def rain_streaks(
         exposure_time_s: Exposure time [s].
     """
     wind = weather.wind_mps
-    key = int(rng.stream(seed, "render/rain").integers(1 << 32))
+    key = int(clock.stream(seed, "render/rain").integers(1 << 32))
     ends, falls, sizes = [], [], []
     for index, (diameter, width, reach) in enumerate(SIZES_MM):
         density = drops_per_m3(weather.rain_mmph, diameter, width) * CELL_M**3

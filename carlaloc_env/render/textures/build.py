@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.clock import stream
 from carlaloc_env.core.files.array_cache import Arrays, cached
-from carlaloc_env.core.rng import stream
 from carlaloc_env.render.textures.cladding import rubble, sheet_metal, siding, slate
 from carlaloc_env.render.textures.crops import crop, furrows
 from carlaloc_env.render.textures.ground import (

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.clock import TICK_NS, Schedule
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.lens_distortion import Lens
 from carlaloc_env.scene.semantic_tags import TAG_TABLES
 from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.event_camera.config import EventConfig

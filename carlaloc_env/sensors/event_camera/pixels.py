@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import F32, I32, Mask
 
 NEVER_US = -(1 << 30)
@@ -29,7 +29,7 @@ class Thresholds:
         cls, seed: int, name: str, shape: tuple[int, int], on: float, off: float, sigma: float
     ) -> Thresholds:
         """Normally scattered thresholds, none below `THRESHOLD_MIN`."""
-        generator = rng.stream(seed, f"{name}/threshold")
+        generator = clock.stream(seed, f"{name}/threshold")
         scatter = sigma * generator.standard_normal((2, *shape), dtype=np.float32)
         return cls(
             on=np.maximum(np.float32(on) + scatter[0], THRESHOLD_MIN),
@@ -51,7 +51,7 @@ class PixelState:
         cls, log_intensity: F32, thresholds: Thresholds, seed: int, name: str, stamp_ns: int
     ) -> PixelState:
         """State of a camera that has run for long: each reference anywhere within its thresholds."""
-        lot = rng.stream(seed, f"{name}/begin", stamp_ns).random(log_intensity.shape, dtype=np.float32)
+        lot = clock.stream(seed, f"{name}/begin", stamp_ns).random(log_intensity.shape, dtype=np.float32)
         reference = log_intensity + thresholds.off - lot * (thresholds.on + thresholds.off)
         return cls(reference=reference, last_us=np.full(log_intensity.shape, NEVER_US, np.int32))
 
@@ -72,7 +72,7 @@ class NoiseEvents:
         cls, seed: int, name: str, stamp_ns: int, shape: tuple[int, int], rate_hz: float, span_us: int
     ) -> NoiseEvents:
         """Poisson noise of a rate per pixel [Hz]; `stamp_ns` keys the span."""
-        generator = rng.stream(seed, f"{name}/shot", stamp_ns)
+        generator = clock.stream(seed, f"{name}/shot", stamp_ns)
         pixels = shape[0] * shape[1]
         count = int(generator.poisson(rate_hz * 1e-6 * span_us * pixels)) if rate_hz > 0 else 0
         pixel = generator.integers(0, pixels, count)

@@ -10,7 +10,7 @@ import numpy as np
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 
 GM_M3PS2 = 3.986004418e14
 """Earth's gravitational constant [m³/s²] (WGS84)."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import quat_rotate
+from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.samples import ObjectList
 from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes, boxes_at
 from carlaloc_env.timeline.timeline import Timeline

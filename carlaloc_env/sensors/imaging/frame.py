@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.lens_distortion import Lens, LensView
+from carlaloc_env.core.camera_model import Lens, LensView, Pinhole
 from carlaloc_env.weather.parameters import WeatherParameters
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.errors import ConfigError
 
@@ -93,7 +93,7 @@ class Imager:
         self._response = np.repeat(light[..., None], 3, axis=2)
         self._offset_e = np.zeros((*shape, 3), np.float32)
         if config.noise:
-            generator = rng.stream(seed, f"{self._name}/pattern")
+            generator = clock.stream(seed, f"{self._name}/pattern")
             spread = generator.standard_normal((2, *shape, 3), dtype=np.float32)
             self._response *= np.float32(1) + np.float32(config.response) * spread[0]
             self._offset_e = np.float32(config.dark_signal_e) * spread[1]
@@ -120,7 +120,7 @@ class Imager:
         electrons = radiance_cd_m2 * np.float32(config.electrons_per_cd_m2_s * exposure_s)
         electrons *= self._response
         if config.noise:
-            generator = rng.stream(self._seed, f"{self._name}/noise", stamp_ns)
+            generator = clock.stream(self._seed, f"{self._name}/noise", stamp_ns)
             lot = generator.standard_normal(electrons.shape, dtype=np.float32)
             electrons += lot * np.sqrt(electrons + np.float32(config.read_noise_e**2)) + self._offset_e
         top = (1 << config.adc_bits) - 1

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.weather.parameters import WeatherParameters
 
 MOST = 90
@@ -38,7 +38,7 @@ def with_lens_drops(
     blur = np.zeros((height, width), np.float32)
     for k in range(count):
         age_ns = stamp_ns + k * LIFE_NS // max(count, 1)
-        draw = rng.stream(seed, f"{camera}/lens/{k}", age_ns // LIFE_NS)
+        draw = clock.stream(seed, f"{camera}/lens/{k}", age_ns // LIFE_NS)
         x, y, size, speed = draw.random(4)
         age_s = age_ns % LIFE_NS * 1e-9
         radius = (3.0 + 11.0 * size**2) * width / 1280.0

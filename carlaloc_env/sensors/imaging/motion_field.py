@@ -19,11 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.actors.instances import ground_poses
-from carlaloc_env.core import elementary_kernels
+from carlaloc_env.core import elementary_kernels, transforms
 from carlaloc_env.core.array_types import F32, Array
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.lens_distortion import MODELS, Lens
+from carlaloc_env.core.camera_model import MODELS, Lens, Pinhole
 from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag

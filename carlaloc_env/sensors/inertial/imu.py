@@ -11,12 +11,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.core import clock, transforms
+from carlaloc_env.core.array_types import GRAVITY_MPS2, Array
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.inertial.stochastic_processes import Flicker, RandomWalk, WhiteSequence
@@ -165,7 +163,7 @@ class ImuSensor(Sensor):
         self._white = WhiteSequence(seed, f"{name}/white", 6)
         self._walk = RandomWalk(seed, f"{name}/bias", 6)
         self._flicker = Flicker(seed, f"{name}/flicker", 6, period_s=period_s)
-        turn_on = rng.stream(seed, f"{name}/turn_on").standard_normal(6)
+        turn_on = clock.stream(seed, f"{name}/turn_on").standard_normal(6)
         self._turn_on = _six(config.accel_turn_on_bias, config.gyro_turn_on_bias) * turn_on
         self._mixing = _mixing(config, seed)
         limits = _six(config.accel_range_mps2, config.gyro_range_radps)
@@ -216,7 +214,7 @@ class ImuSensor(Sensor):
         quats = motion.quat_xyzw
         if self.config.orientation_noise_rad:
             name = f"{self.config.name}/attitude"
-            tilt = [rng.stream(self._seed, name, int(s)).standard_normal(3) for s in motion.stamp_ns]
+            tilt = [clock.stream(self._seed, name, int(s)).standard_normal(3) for s in motion.stamp_ns]
             error = transforms.rotvec_to_quat(self.config.orientation_noise_rad * np.array(tilt))
             quats = transforms.quat_multiply(quats, error)
         return [quat.copy() for quat in quats]
@@ -240,7 +238,7 @@ def _mixing(config: ImuConfig, seed: int) -> tuple[Array, Array] | None:
     """Matrices of scale and tilt of accelerometer and gyroscope (3, 3), or None when both are perfect."""
     if not config.scale_error and not config.misalignment_rad:
         return None
-    drawn = rng.stream(seed, f"{config.name}/axes").standard_normal((2, 3, 3))
+    drawn = clock.stream(seed, f"{config.name}/axes").standard_normal((2, 3, 3))
     spread = np.where(np.eye(3) > 0, config.scale_error, config.misalignment_rad)
     accel, gyro = np.eye(3) + spread * drawn
     return accel, gyro

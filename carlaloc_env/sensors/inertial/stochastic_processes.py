@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 
 _BLOCK = 200
@@ -17,7 +17,7 @@ _BLOCK = 200
 
 def white(seed: int, name: str, stamp_ns: int, count: int) -> Array:
     """Standard normal numbers of one sample, shape (count,)."""
-    return rng.stream(seed, name, stamp_ns).standard_normal(count)
+    return clock.stream(seed, name, stamp_ns).standard_normal(count)
 
 
 class _Blocks(ABC):
@@ -56,7 +56,7 @@ class WhiteSequence(_Blocks):
         if block not in self._held:
             if len(self._held) >= 8:
                 self._held.pop(next(iter(self._held)))
-            generator = rng.stream(self._seed, self._name, index=block)
+            generator = clock.stream(self._seed, self._name, index=block)
             self._held[block] = generator.standard_normal((_BLOCK, self._width))
         return self._held[block]
 
@@ -98,7 +98,7 @@ class GaussMarkov(_Blocks):
         self._steps = WhiteSequence(seed, name, width)
         self._phi = float(elementary.exp(-period_s / time_constant_s))
         self._gain = math.sqrt(1.0 - self._phi * self._phi)
-        self._ends = [rng.stream(seed, f"{name}/start").standard_normal(width)]
+        self._ends = [clock.stream(seed, f"{name}/start").standard_normal(width)]
 
     def block(self, block: int) -> Array:
         """Values at a block's samples, shape (block length, width)."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast import Hits
 
 PULSE_LENGTH_M = 0.6

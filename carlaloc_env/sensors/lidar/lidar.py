@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
@@ -111,7 +111,7 @@ class LidarSensor(Sensor):
         if config.drop_weak and not config.weather:
             kept = kept[self._echoes.is_detected(hits.take(kept))]
         if config.dropoff_general or config.dropoff_zero_intensity:
-            uniform = rng.stream(seed, f"{config.name}/dropoff", stamp_ns).random((config.rays, 2))
+            uniform = clock.stream(seed, f"{config.name}/dropoff", stamp_ns).random((config.rays, 2))
             kept = kept[self._echoes.survives(hits.range_m[kept], uniform[rays[kept]])]
         points = empty_points(len(kept))
         scan = ScanHits(
@@ -153,7 +153,7 @@ class LidarSensor(Sensor):
         """Rays, what they return under a weather, and how strongly."""
         config = self.config
         air = atmosphere_at(weather, float(config.mount.T_base_sensor[2, 3]))
-        drawn = rng.stream(self._world.seed, f"{config.name}/air", stamp_ns).random((config.rays, 6))
+        drawn = clock.stream(self._world.seed, f"{config.name}/air", stamp_ns).random((config.rays, 6))
         uniform = (1.0 - drawn)[rays]
         spray = None
         if air.wetness > 0 and len(timeline.catalog):

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import elementary
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import F32, Array, Index
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.lidar.beam_divergence import sub_rays, weigh

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.core import elementary
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.timeline.motion import Motion
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import RadarScan
 from carlaloc_env.sensors.base import World
@@ -61,7 +61,7 @@ class Detector:
             weather: Its rain weakens echoes, if the radar heeds it.
         """
         config = self._config
-        generator = rng.stream(self._world.seed, f"{config.frame_id}/detections", stamp_ns)
+        generator = clock.stream(self._world.seed, f"{config.frame_id}/detections", stamp_ns)
         loss = rain_loss_db_per_m(weather.rain_mmph) if config.weather else 0.0
         found = [
             self._detect(cells, THING, generator, loss),

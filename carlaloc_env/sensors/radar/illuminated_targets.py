@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
@@ -42,7 +42,7 @@ class RadarView:
         """
         config = self._config
         boxes = self._near(boxes_at(timeline, stamp_ns), motion)
-        generator = rng.stream(self._world.seed, f"{config.frame_id}/rays", stamp_ns)
+        generator = clock.stream(self._world.seed, f"{config.frame_id}/rays", stamp_ns)
         grid = self._grid(generator)
         aimed_at = np.repeat(np.arange(len(boxes)), config.rays_per_actor)
         inside = (generator.random((len(aimed_at), 3)) - 0.5) * 0.9 * boxes.size_m[aimed_at]

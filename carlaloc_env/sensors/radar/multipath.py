@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import elementary
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes
 from carlaloc_env.sensors.radar.angles import direction, dot, into, out_of, polar

@@ -11,8 +11,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
-from carlaloc_env.core.ego_car import EGO_ROLLING_RADIUS_M, EGO_STEERING_RATIO
+from carlaloc_env.core import clock
+from carlaloc_env.core.ego import EGO_ROLLING_RADIUS_M, EGO_STEERING_RATIO
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import CanState, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
@@ -65,7 +65,7 @@ class CanSensor(Sensor):
 
     def __init__(self, config: CanConfig, seed: int) -> None:
         super().__init__(config)
-        drawn = rng.stream(seed, f"{config.name}/steering").standard_normal()
+        drawn = clock.stream(seed, f"{config.name}/steering").standard_normal()
         self._offset_rad = math.radians(config.steering_offset_deg) * float(drawn)
 
     def streams(self) -> dict[str, spaces.Space[Any]]:

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Sample, Speed
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.inertial.stochastic_processes import white

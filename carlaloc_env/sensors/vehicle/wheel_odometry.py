@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import Sample, WheelTicks
@@ -54,7 +54,7 @@ class WheelsSensor(Sensor):
 
     def __init__(self, config: WheelsConfig, seed: int) -> None:
         super().__init__(config)
-        self._offset = rng.stream(seed, f"{config.name}/offset").random(4)
+        self._offset = clock.stream(seed, f"{config.name}/offset").random(4)
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Ticks of four wheels, then their spin [rad/s]: front left, front right, rear left, rear right."""

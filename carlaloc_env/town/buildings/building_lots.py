@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.buildings.buildings import BuildingPlan, draw_plan
 from carlaloc_env.town.ground.height_fields import densify, distance_along, interpolated
@@ -159,7 +159,7 @@ class _Placer:
         length = distance_along(line)
         at, count = 0.5, 0
         while at < length[-1] - 6.0:
-            draw = rng.stream(self._seed, f"lot/{name}", index=count)
+            draw = clock.stream(self._seed, f"lot/{name}", index=count)
             count += 1
             start = interpolated(np.array([at]), length, line[:, :2])[0]
             zone = self._zones.kind_at(start, self._zones.default)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -55,7 +55,7 @@ class _Measures:
 
 def gatehouse(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
     """The building in the world; the street runs along its heading."""
-    draw = rng.stream(0, f"gatehouse/{feature.position}")
+    draw = clock.stream(0, f"gatehouse/{feature.position}")
     style = replace(STYLES["civic"], ground_m=PASSAGE_M, ground="shop", storey_m=3.6, ornaments=("quoins",))
     shell = Shell(out=MeshBuilder(), look=draw_appearance(style, draw))
     m = _measures(feature, paved, floor)

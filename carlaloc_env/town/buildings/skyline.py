@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.assets.vegetation.trees import tree
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -45,7 +45,7 @@ def add_skyline(
     sea: Area | None = None,
 ) -> list[Mesh]:
     """Far buildings and trees round the border, not in the sea, with an instance id each."""
-    draw = rng.stream(seed, "skyline")
+    draw = clock.stream(seed, "skyline")
     places, distance = _places(bounds, draw)
     if sea is not None:
         dry = ~shapely.dwithin(sea, shapely.points(places), 30.0)

@@ -13,10 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.output_paths import check_output_file
-from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.core.geometry.map_projection import ProjectedReference
+from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
+from carlaloc_env.core.geodesy import GeoReference, ProjectedReference
 from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
 from carlaloc_env.town.checks.problem import Problem
 from carlaloc_env.town.checks.roads import (

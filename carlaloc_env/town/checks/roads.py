@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.checks.problem import Row
 from carlaloc_env.town.lanes.lane_network import CLEARANCE_M, LaneNetwork
 from carlaloc_env.town.opendrive.records import OpenDrive, Road, Severity

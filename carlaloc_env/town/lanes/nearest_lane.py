@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.geometry.point_tree import point_tree
+from carlaloc_env.core.transforms import point_tree
 from carlaloc_env.town.lanes.centre_lines import TABLE_STEP_M, LaneTables
 
 _CANDIDATES = 8

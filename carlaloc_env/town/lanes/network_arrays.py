@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields
 
-from carlaloc_env.core.files import record_bytes
+from carlaloc_env.core.files import config_files
 from carlaloc_env.core.files.array_cache import Arrays
 from carlaloc_env.town.lanes.build_lanes import LaneRecords, RoadMap
 from carlaloc_env.town.lanes.centre_lines import LaneTables
@@ -21,10 +21,10 @@ def to_arrays(network: LaneNetwork) -> Arrays:
         "forward": network.forward,
         "start_s_m": network.start_s_m,
         "bank": network.bank,
-        "lanes": record_bytes.to_bytes(network.lanes),
-        "signals": record_bytes.to_bytes(network.signals),
-        "static_signs": record_bytes.to_bytes(network.static_signs),
-        "crosswalks": record_bytes.to_bytes(network.crosswalks),
+        "lanes": config_files.to_bytes(network.lanes),
+        "signals": config_files.to_bytes(network.signals),
+        "static_signs": config_files.to_bytes(network.static_signs),
+        "crosswalks": config_files.to_bytes(network.crosswalks),
         **{f"tables/{name}": getattr(network.tables, name) for name in _TABLES},
     }
 
@@ -42,11 +42,11 @@ def from_arrays(arrays: Arrays, read: Callable[[], RoadMap]) -> LaneNetwork:
         forward=copied["forward"],
         start_s_m=copied["start_s_m"],
         tables=LaneTables(**{name: copied[f"tables/{name}"] for name in _TABLES}),
-        lanes=record_bytes.from_bytes(Lane, copied["lanes"]),
+        lanes=config_files.from_bytes(Lane, copied["lanes"]),
     )
     network = LaneNetwork(read, lanes)
     network.bank = copied["bank"]
-    network.signals = record_bytes.from_bytes(SignalHead, copied["signals"])
-    network.static_signs = record_bytes.from_bytes(StaticSign, copied["static_signs"])
-    network.crosswalks = record_bytes.from_bytes(Crosswalk, copied["crosswalks"])
+    network.signals = config_files.from_bytes(SignalHead, copied["signals"])
+    network.static_signs = config_files.from_bytes(StaticSign, copied["static_signs"])
+    network.crosswalks = config_files.from_bytes(Crosswalk, copied["crosswalks"])
     return network

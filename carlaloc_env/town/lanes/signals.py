@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
-from carlaloc_env.core.geometry.transforms import from_rotation
+from carlaloc_env.core.transforms import from_rotation
 from carlaloc_env.town.lanes.records import SIGN_CODES, SIGN_KINDS, SignalHead, StaticSign
 from carlaloc_env.town.opendrive.read_lanes import MPS_PER_UNIT
 from carlaloc_env.town.opendrive.records import Road, RoadObject, SignalRecord, Validity

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 
 GeometryKind = Literal["line", "arc", "spiral", "poly3", "paramPoly3"]
 """Shapes of a piece of a reference line, OpenDRIVE's element names."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -47,7 +47,7 @@ def add_roads(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], 
     for strip in strips:
         if strip.junction_id is not None:
             continue
-        draw = rng.stream(seed, f"road/{strip.road_id}/{strip.section}")
+        draw = clock.stream(seed, f"road/{strip.road_id}/{strip.section}")
         paving = Material.ASPHALT_OLD if draw.random() < 0.35 else Material.ASPHALT
         driven = motorways.SURFACE if motorways.is_fast(roads[strip.road]) else paving
         base = draw.uniform(215, 245)
@@ -61,7 +61,7 @@ def add_roads(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], 
 
 def casting_ends(strip: Strip, seed: int) -> Array:
     """Stations at which the surface of a road was laid on at another time [m], shape (K,)."""
-    draw = rng.stream(seed, f"castings/{strip.road_id}/{strip.section}")
+    draw = clock.stream(seed, f"castings/{strip.road_id}/{strip.section}")
     first, last = strip.s_m[0], strip.s_m[-1]
     ends = first + np.cumsum(draw.uniform(*CASTING_M, int((last - first) / CASTING_M[0]) + 1))
     result: Array = ends[ends < last - 0.3 * CASTING_M[0]]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.road.road_events import no_events
 from carlaloc_env.scene.materials import Material
@@ -70,7 +70,7 @@ def add_bridge_joints(out: MeshBuilder, strips: Sequence[Strip], levels: Levels,
             continue
         on_piers = levels.state[rows] == State.OPEN
         s = levels.graph.s_m[rows]
-        draw = rng.stream(seed, f"bridge joints/{strip.road_id}/{strip.section}")
+        draw = clock.stream(seed, f"bridge joints/{strip.road_id}/{strip.section}")
         for k in np.flatnonzero(on_piers[1:] != on_piers[:-1]):
             at = float(np.clip(0.5 * (s[k] + s[k + 1]), s[0] + JOINT_M, s[-1] - JOINT_M))
             _lay_joint(out, strip, span, at)

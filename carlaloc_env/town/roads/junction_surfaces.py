@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -33,7 +33,7 @@ def add_junction_surface(
     xy, triangles = triangulate(junction.roadway, SURFACE_CELL_M)
     if not len(xy):
         return
-    draw = rng.stream(seed, f"junction/{junction.id}")
+    draw = clock.stream(seed, f"junction/{junction.id}")
     material, tint = motorways.SURFACE if fast else Material.ASPHALT, np.full(3, 255.0)
     loose = unpaved_junction(junction)
     if loose:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.road.road_events import no_events
 from carlaloc_env.scene.materials import Material
@@ -59,8 +59,8 @@ def add_junction_details(
     inner = areas_only(shapely.buffer(junction.roadway, -MARGIN_M), 4.0)
     if inner.is_empty or inner.area < 40.0:
         return events[0]
-    heights = rng.stream(seed, f"felt/junction/{junction.id}")
-    draw = rng.stream(seed, f"junction details/{junction.id}")
+    heights = clock.stream(seed, f"felt/junction/{junction.id}")
+    draw = clock.stream(seed, f"junction details/{junction.id}")
     number = inner.area / AREA_M2 * (DETAILS if fast else 1.0)
     sheets = _Sheets(inner)
     for point in _points(inner, 0 if fast else draw.poisson(number), draw):

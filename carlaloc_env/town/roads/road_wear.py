@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.road.road_events import no_events
 from carlaloc_env.scene.materials import Material
@@ -60,7 +60,7 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
     for strip in strips:
         if strip.junction_id is not None or strip.s_m[-1] - strip.s_m[0] < 8.0:
             continue
-        draw = rng.stream(seed, f"details/{strip.road_id}/{strip.section}")
+        draw = clock.stream(seed, f"details/{strip.road_id}/{strip.section}")
         fast = is_fast(roads[strip.road])
         painted = _painted_spans(roads[strip.road])
         bands, ends = _Bands(strip, seed), casting_ends(strip, seed)
@@ -85,7 +85,7 @@ class _Bands:
 
     def __init__(self, strip: Strip, seed: int) -> None:
         self._strip = strip
-        self._draw = rng.stream(seed, f"felt/{strip.road_id}/{strip.section}")
+        self._draw = clock.stream(seed, f"felt/{strip.road_id}/{strip.section}")
         self.events: list[Array] = []
         """Their events for the wheels, (1, 7) each."""
         self._found: list[tuple[int, Array, Array, Callable[[MeshBuilder, Array], None]]] = []

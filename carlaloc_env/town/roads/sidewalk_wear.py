@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.height_fields import interpolated
@@ -36,7 +36,7 @@ def add_sidewalk_wear(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence
     for strip in strips:
         if strip.junction_id is not None:
             continue
-        draw = rng.stream(seed, f"pavement details/{strip.road_id}/{strip.section}")
+        draw = clock.stream(seed, f"pavement details/{strip.road_id}/{strip.section}")
         dropped = [
             (item.s_m - 0.5 * item.length_m - FLARE_M - 0.3, item.s_m + 0.5 * item.length_m + FLARE_M + 0.3)
             for item in roads[strip.road].objects

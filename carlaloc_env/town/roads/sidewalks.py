@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -36,7 +36,7 @@ def add_sidewalks(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Roa
     for strip in strips:
         if strip.junction_id is not None:
             continue
-        draw = rng.stream(seed, f"pavement/{strip.road_id}/{strip.section}")
+        draw = clock.stream(seed, f"pavement/{strip.road_id}/{strip.section}")
         shade = draw.uniform(205, 250)
         spans = [
             (item.s_m - 0.5 * item.length_m, item.s_m + 0.5 * item.length_m)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 
 EASE_M = 2.0
 """The way aside is the running mean over twice this length, taken twice [m]."""

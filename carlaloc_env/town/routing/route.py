@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.centre_lines import TABLE_STEP_M
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.shortest_paths import LanePosition, path_through

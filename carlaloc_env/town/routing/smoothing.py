@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.shortest_paths import LaneSpan
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego_car import (
+from carlaloc_env.core.ego import (
     EGO_REAR_M,
     EGO_SIZE_M,
     EGO_TYRE_ENVELOPE_M,

@@ -9,7 +9,7 @@ import shapely
 
 from carlaloc_env.assets.street.fences_and_poles import fence
 from carlaloc_env.assets.street.traffic_signs import sign
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -80,7 +80,7 @@ def place_car_parks(ways: Waysides, blocked: Area) -> list[CarPark]:
     shapely.prepare(blocked)
     found: list[CarPark] = []
     for edge in ways.edges:
-        draw = rng.stream(ways.seed, f"car park/{edge.name}")
+        draw = clock.stream(ways.seed, f"car park/{edge.name}")
         kind = ways.zones.kind_at(edge.line_m[len(edge.line_m) // 2])
         bays = int(draw.integers(BAYS[0], BAYS[1] + 1))
         share, chance = float(draw.uniform(0.2, 0.8)), draw.random()
@@ -111,7 +111,7 @@ def place_car_parks(ways: Waysides, blocked: Area) -> list[CarPark]:
 def add_car_park(out: MeshBuilder, cars: ParkedCars, park: CarPark, ways: Waysides, instance: int) -> None:
     """Surface, lines, cars, fence and sign of one car park."""
     ground = ways.ground
-    draw = rng.stream(ways.seed, f"car park/{park.name}", index=1)
+    draw = clock.stream(ways.seed, f"car park/{park.name}", index=1)
     _surface(out, park, ground)
     _lines(out, park, ground)
     entrance = 1 + int(draw.integers(park.bays - 3))

@@ -11,7 +11,7 @@ import shapely
 from carlaloc_env.assets.street.billboards import billboard
 from carlaloc_env.assets.street.construction_sites import construction_site
 from carlaloc_env.assets.street.furniture import bus_shelter
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -89,7 +89,7 @@ def feature_mesh(site: Site, paved: Area, floor: HeightOf, seed: int, instance: 
         return WORLD_MAKERS[feature.kind](feature, paved, floor).with_instance(instance)
     if feature.kind not in LOCAL_MAKERS:
         return MeshBuilder().build()
-    local = LOCAL_MAKERS[feature.kind](feature, rng.stream(seed, f"feature/{feature.position}"))
+    local = LOCAL_MAKERS[feature.kind](feature, clock.stream(seed, f"feature/{feature.position}"))
     z = float(floor(np.array([feature.position], dtype=np.float64))[0])
     world = copies(local, poses([(*feature.position, z)], np.radians(feature.heading_deg)), instance)
     if feature.kind in PAVED_KINDS:

@@ -11,7 +11,7 @@ import shapely
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.number_plates import PLATES, plate_of, plate_uv
 from carlaloc_env.assets.vehicles.all_vehicles import vehicle
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -137,7 +137,7 @@ def _walk_beside(strip: Strip, lane: int) -> bool:
 
 def _park_lane(cars: ParkedCars, strip: Strip, lane: int, ways: Waysides, crosswalks: Area) -> None:
     least = PARKING_WIDTH_M if strip.lanes[lane].type == "parking" else SHOULDER_WIDTH_M
-    draw = rng.stream(ways.seed, f"parked/{strip.road_id}/{strip.section}/{lane}")
+    draw = clock.stream(ways.seed, f"parked/{strip.road_id}/{strip.section}/{lane}")
     left, right = strip.lane_edges(lane)
     width = np.hypot(*(left - right)[:, :2].T)
     middle = 0.5 * (left + right)
@@ -161,7 +161,7 @@ def park_on_verges(cars: ParkedCars, ways: Waysides, blocked: Area) -> None:
     for edge in ways.edges:
         if edge.sidewalk or edge.limit_mps > SLOWEST_MPS or edge.road_type == "motorway":
             continue
-        draw = rng.stream(ways.seed, f"verge/{edge.name}")
+        draw = clock.stream(ways.seed, f"verge/{edge.name}")
         kinds, traffic = ways.zones.kinds_at(edge.line_m), edge.traffic
         for row in np.arange(int(JUNCTION_M), len(edge.line_m) - int(JUNCTION_M), int(SPACE_M) + 1):
             chance = draw.random()
@@ -181,7 +181,7 @@ def lay_drives(out: MeshBuilder, cars: ParkedCars, ways: Waysides, blocked: Area
     for edge in ways.edges:
         if not edge.sidewalk:
             continue
-        draw = rng.stream(ways.seed, f"drives/{edge.name}")
+        draw = clock.stream(ways.seed, f"drives/{edge.name}")
         kinds = ways.zones.kinds_at(edge.line_m)
         row = int(JUNCTION_M)
         while row < len(edge.line_m) - JUNCTION_M:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.buildings.building_lots import Lot, place_lots
 from carlaloc_env.town.buildings.buildings import building_mesh
@@ -52,7 +52,7 @@ class Plots:
         """Meshes of all buildings, with an instance id each."""
         meshes = []
         for lot, base in zip(self.lots, self.bases_m, strict=True):
-            mesh = building_mesh(lot.plan, rng.stream(seed, lot.name, index=1), instance=ids.take())
+            mesh = building_mesh(lot.plan, clock.stream(seed, lot.name, index=1), instance=ids.take())
             meshes.append(mesh.transformed(poses((*lot.corner_m, base), lot.heading_rad)[0]))
         return meshes
 

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.height_fields import distance_along, interpolated
@@ -102,7 +102,7 @@ class Furnisher:
             name, variant, detail = key
             feet = np.array(self.placed.feet[key])
             yaws = np.array(self.placed.yaws[key])
-            draw = rng.stream(self._seed, f"props/{name}/{variant}/{detail}")
+            draw = clock.stream(self._seed, f"props/{name}/{variant}/{detail}")
             scale, tint = np.ones(len(feet)), None
             if name.startswith("tree "):
                 scale = draw.uniform(0.85, 1.15, len(feet))
@@ -127,7 +127,7 @@ class Furnisher:
         length = len(line) - 1
         if length < 2 * END_M:
             return
-        draw = rng.stream(self._seed, f"furniture/{strip.road_id}/{strip.section}/{name}")
+        draw = clock.stream(self._seed, f"furniture/{strip.road_id}/{strip.section}/{name}")
         zone = self._zones.kind_at(line[length // 2], self._zones.default)
         width = float(np.median(np.hypot(*(line - far)[:, :2].T)))
         shift = int(draw.integers(0, int(LAMP_STEP_M)))

@@ -16,9 +16,8 @@ import shapely
 
 from carlaloc_env.assets.street.direction_signs import cantilever, countdown_marker, verge_sign
 from carlaloc_env.assets.texture_atlas import STREET_NAMES
-from carlaloc_env.core import elementary
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.grade_levels import WALL_M
 from carlaloc_env.town.ground.height_fields import HeightOf

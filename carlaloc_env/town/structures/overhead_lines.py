@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.assets.street.fences_and_poles import utility_pole, utility_wires_m
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -51,7 +51,7 @@ def place_lines(ways: Waysides, blocked: Area, overhead: Area) -> list[tuple[Arr
     shapely.prepare(blocked)
     rows: list[tuple[Array, Array]] = []
     for edge in ways.edges:
-        draw = rng.stream(ways.seed, f"poles/{edge.strip.road_id}")
+        draw = clock.stream(ways.seed, f"poles/{edge.strip.road_id}")
         side = "left" if draw.random() < 0.5 else "right"
         kind = ways.zones.kind_at(edge.line_m[len(edge.line_m) // 2])
         if not edge.name.endswith(side) or kind not in AWAY_M or draw.random() > FRACTIONS[kind]:

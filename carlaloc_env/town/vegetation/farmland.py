@@ -12,7 +12,7 @@ import shapely
 from carlaloc_env.assets.vegetation.farm_plants import bale, fence_panel, maize, stalks
 from carlaloc_env.assets.vegetation.tree_species import DETAILS
 from carlaloc_env.assets.vegetation.trees import tree
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour
@@ -81,7 +81,7 @@ def lay_plots(land: Land) -> list[Plot]:
     for kind, area in land.zones:
         if kind != "rural":
             continue
-        draw = rng.stream(land.seed, f"plots/{area.area:.0f}")
+        draw = clock.stream(land.seed, f"plots/{area.area:.0f}")
         for part in polygons_of(area):
             if part.area > 400.0:
                 plots += _cut(land, part, draw, plots)
@@ -91,7 +91,7 @@ def lay_plots(land: Land) -> list[Plot]:
 def add_plots(out: MeshBuilder, props: PropField, land: Land, plots: Sequence[Plot]) -> Area:
     """Build all fields; returns the ground on which nothing else may stand."""
     for number, plot in enumerate(plots):
-        draw = rng.stream(land.seed, "plot", index=number)
+        draw = clock.stream(land.seed, "plot", index=number)
         if plot.kind in CROPS:
             _stand(out, land, plot, draw)
             _border_plants(props, land, plot, draw)

@@ -11,7 +11,7 @@ from carlaloc_env.assets.modelling.primitives import Look, box
 from carlaloc_env.assets.street.fences_and_poles import fence
 from carlaloc_env.assets.vegetation.farm_plants import picket_panel
 from carlaloc_env.assets.vegetation.shrubs import shrub
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -66,7 +66,7 @@ class _Garden:
     def __init__(self, land: Land, lot: Lot) -> None:
         self._land, self._lot, style = land, lot, lot.plan.appearance.style
         self._style, self._width_m = style, lot.plan.width_m
-        self._draw = rng.stream(land.seed, lot.name, index=2)
+        self._draw = clock.stream(land.seed, lot.name, index=2)
         self._along = np.array([elementary.cos(lot.heading_rad), elementary.sin(lot.heading_rad)])
         self._outward = np.array([self._along[1], -self._along[0]])
         bays = max(1, round((self._width_m - 0.8) / style.bay_m))

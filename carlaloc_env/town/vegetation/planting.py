@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.vegetation.shrubs import shrub, tufts
 from carlaloc_env.assets.vegetation.tree_species import DETAILS
 from carlaloc_env.assets.vegetation.trees import tree
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.buildings.building_lots import frontages
 from carlaloc_env.town.ground.land_raster import Land
@@ -101,7 +101,7 @@ def put_bushes(props: PropField, feet_m: Array, draw: np.random.Generator) -> No
 
 def long_grass(land: Land, props: PropField) -> None:
     """Tufts along the edges of roads without sidewalks."""
-    draw = rng.stream(land.seed, "long grass")
+    draw = clock.stream(land.seed, "long grass")
     spots = []
     for _, line, extra in frontages([s for s in land.strips if s.junction_id is None]):
         if extra <= 0.0 or len(line) < 3:
@@ -134,7 +134,7 @@ def rights(line_m: Array) -> Array:
 
 def _stand(land: Land, props: PropField, fields: Area, kind: str, area: Area) -> None:
     step, kinds = STANDS[kind]
-    draw = rng.stream(land.seed, f"stand/{kind}/{area.area:.0f}")
+    draw = clock.stream(land.seed, f"stand/{kind}/{area.area:.0f}")
     x0, y0, x1, y1 = shapely.bounds(area)
     grid = np.meshgrid(np.arange(x0, x1, step), np.arange(y0, y1, step), indexing="ij")
     xy = np.stack([axis.ravel() for axis in grid], axis=-1)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from carlaloc_env.assets.street.billboards import billboard
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -53,7 +53,7 @@ def line_highways(raised: MeshBuilder, solid: MeshBuilder, props: PropField, lan
         even = densify(line, 1.0)
         if (land.zones.kinds_at(even) == "highway").mean() < 0.5:
             continue
-        draw = rng.stream(land.seed, f"wayside/{name}")
+        draw = clock.stream(land.seed, f"wayside/{name}")
         at = 0
         while at < len(even) - 12:
             end = min(at + int(draw.uniform(*STRETCH_M)), len(even) - 1)

@@ -10,7 +10,7 @@ import shapely
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe
 from carlaloc_env.assets.street.furniture import bench, planter
 from carlaloc_env.assets.vegetation.shrubs import shrub
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -36,7 +36,7 @@ def line_waterfront(props: PropField, land: Land) -> None:
         return
     near = shapely.buffer(shore, 1.5)
     shapely.prepare(near)
-    draw = rng.stream(land.seed, "promenade")
+    draw = clock.stream(land.seed, "promenade")
     # The water lies on each ring's left, the shore on its right.
     for ring in rings(areas_only(water), 400.0):
         line = densify(np.column_stack([ring, np.zeros(len(ring))]), 1.0)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.point_tree import point_tree
+from carlaloc_env.core.transforms import point_tree
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.records import Crosswalk
 from carlaloc_env.traffic.tables.crosswalk_tables import Crossings

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.ego_car import EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.lane_tables import Roads

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.direct_calls import same_types
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.jit import same_types
 from carlaloc_env.traffic.tables.demand import weighted_order
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
@@ -71,7 +71,7 @@ class Walkers:
             raise ConfigError(
                 f"{count} walkers do not fit on the sidewalks; give --traffic dynamic,walkers={len(slots)}"
             )
-        draw = rng.stream(self.seed, "traffic/walkers")
+        draw = clock.stream(self.seed, "traffic/walkers")
         demand = path.demand[np.array([k for k, _ in slots], np.int64)]
         chosen = weighted_order(draw, demand)[:count]
         state.path[:] = [slots[k][0] for k in chosen]

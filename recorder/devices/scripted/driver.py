@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.routing.route import Route
@@ -45,7 +45,7 @@ class ScriptedDriver:
 
     def _begin(self) -> None:
         """Sit down in a standing car."""
-        self._random = rng.stream(self._seed, "driver/decisions")
+        self._random = clock.stream(self._seed, "driver/decisions")
         self._limit_fraction = 0.94 + 0.05 * float(self._random.uniform())
         self._steering = DriverSteering(self._params, self._seed)
         self._pedals = DriverPedals(self._params)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from carlaloc_env.core.array_types import GRAVITY_MPS2
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
-from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import motor_force_n
 

@@ -9,7 +9,7 @@ import numpy as np
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.elementary_kernels import sin_cos
-from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.routing.off_tracking import EASE_M, wanted_inside
 from carlaloc_env.town.routing.route import Route
 

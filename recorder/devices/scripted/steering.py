@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 from math import degrees, sqrt
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.core.elementary_kernels import arctan, exp
 from carlaloc_env.physics.params import VehicleParams
@@ -66,7 +66,7 @@ class DriverSteering:
         self._style = style if style is not None else SteeringStyle()
         rear_fraction = 1.0 - params.cog_x_m / params.wheelbase_m
         self._slip_s2pm = params.mass_kg * (1.0 - rear_fraction) / params.axle_cornering_nprad[1]
-        self._random = rng.stream(seed, "driver/steering")
+        self._random = clock.stream(seed, "driver/steering")
         self._noise_m = float(self._random.normal(0.0, self._style.noise_m))
         self._seen: deque[float] = deque([0.0] * round(self._style.delay_s * TICK_HZ))
         self._bend_rad = 0.0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.geometry.transforms import matrix_to_quat
+from carlaloc_env.core.transforms import matrix_to_quat
 
 _DEVIATION_MAX, _ROUNDING_MAX = 0.05, 1e-3
 _LOG = logging.getLogger(__name__)

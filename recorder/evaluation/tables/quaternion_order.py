@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 
 XYZW, WXYZ = "xyzw", "wxyz"
 _PLACES = {XYZW: [0, 1, 2, 3], WXYZ: [1, 2, 3, 0]}

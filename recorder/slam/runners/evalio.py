@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.physical_constants import GRAVITY_MPS2
+from carlaloc_env.core.array_types import GRAVITY_MPS2
 from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import SlamSequence
 from recorder.slam.system import FrameClock, StampedPose

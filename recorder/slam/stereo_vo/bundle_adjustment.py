@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import quat_to_matrix, rotvec_to_quat
+from carlaloc_env.core.transforms import quat_to_matrix, rotvec_to_quat
 from recorder.evaluation.se3 import cross_matrix
 
 HUBER_PX = 1.0

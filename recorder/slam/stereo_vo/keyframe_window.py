@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import apply, invert
+from carlaloc_env.core.transforms import apply, invert
 from recorder.slam.stereo_vo.bundle_adjustment import Sightings, StereoCamera, adjust
 
 KEYFRAMES = 8

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry import transforms
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
 
 

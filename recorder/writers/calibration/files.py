@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import GRAVITY_MPS2
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.output_paths import path_below
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.samples import GnssFix, Image, Imu, PointCloud
 from recorder.writers import can_bus
 from recorder.writers.base import write_text

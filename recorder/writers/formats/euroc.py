@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, grey, png_of
 from recorder.writers.formats.euroc_states import STATE_HEADER, state_line

@@ -17,9 +17,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, png_of
 from recorder.writers.formats.kitti_labels import MOVING_FROM_MPS, semantic_kitti_labels

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from carlaloc_env.core import transforms as geometry
+from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry import transforms as geometry
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.lens_distortion import Lens
 from recorder.writers.yaml_text import filled
 
 Message = Any

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core import transforms
 from carlaloc_env.samples import CanState, GnssFix, Imu, ObjectList, Odometry, Speed, WheelTicks
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.vehicle_track import WHEELS

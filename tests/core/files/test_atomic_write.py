@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.files.atomic_write import atomic_write, part_path
+from carlaloc_env.core.files.output_paths import atomic_write, part_path
 
 
 def _broken_off(path: Path, fault: BaseException) -> None:

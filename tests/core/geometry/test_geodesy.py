@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from carlaloc_env.core.geometry.geodesy import GeoReference, ecef_to_geodetic, geodetic_to_ecef
+from carlaloc_env.core.geodesy import GeoReference, ecef_to_geodetic, geodetic_to_ecef
 
 POLAR_RADIUS_M = 6_356_752.314245  # NIMA TR8350.2, table 3.3
 

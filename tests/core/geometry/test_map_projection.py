@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.core.geometry.map_projection import area_of_use, projected_reference
+from carlaloc_env.core.geodesy import GeoReference, area_of_use, projected_reference
 
 UTM = "+proj=utm +zone=32 +datum=WGS84 +units=m"
 MUNICH = projected_reference(UTM, 691_000.0, 5_336_000.0, height_m=500.0)
@@ -56,7 +55,7 @@ def test_a_turned_world_lies_where_its_grid_points_do() -> None:
 def test_directions_and_covariances_turn_with_the_grid() -> None:
     """What stands due north lies to the grid's left; variances about world axes come out about true ones."""
     plane = GeoReference(latitude_deg=MUNICH.latitude_deg, longitude_deg=MUNICH.longitude_deg)
-    from carlaloc_env.core.geometry.geodesy import geodetic_to_ecef
+    from carlaloc_env.core.geodesy import geodetic_to_ecef
 
     ahead = geodetic_to_ecef(plane.enu_to_geodetic([0.0, 1e4, 0.0]))
     x, y, _ = MUNICH.ecef_to_enu(ahead)

@@ -10,7 +10,7 @@ import pytest
 from shared_fixtures.drives.driver_runs import COLUMNS, FRONT_M, RIGHT_ANGLE, drive, route_of
 
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
-from carlaloc_env.core.ego_car import EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.scripted.driver import ScriptedDriver
 from recorder.devices.scripted.route_profile import DriverRoute

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld

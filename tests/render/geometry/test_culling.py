@@ -19,7 +19,7 @@ from shared_fixtures.worlds.render_scenes import (
 )
 from shared_fixtures.worlds.scenes import Scenery
 
-from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core import transforms
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths, box_corners
 from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, gathered
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers

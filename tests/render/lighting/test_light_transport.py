@@ -21,8 +21,8 @@ from shared_fixtures.worlds.render_scenes import (
     wall,
 )
 
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.lighting.light_sources import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.render_scenes import FORWARD, ground, need_opengl, quad, scene, standing
 
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.lighting.sky_textures import Skies

@@ -22,8 +22,8 @@ from shared_fixtures.worlds.render_scenes import (
     wall,
 )
 
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.gl.context import glsl
 from carlaloc_env.render.lighting.light_sources import (
     BEAM_RANGE_M,

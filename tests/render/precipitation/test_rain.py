@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import CAMERA, ground, need_opengl, quad, scene, wall
 from shared_fixtures.worlds.render_scenes import FORWARD as AHEAD
 
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.lighting.light_sources import (
     LAMP_LEAST_M,

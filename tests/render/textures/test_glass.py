@@ -8,7 +8,7 @@ import numpy as np
 from shared_fixtures.worlds.plain_albedo import plain_albedo
 from shared_fixtures.worlds.render_scenes import FORWARD, need_opengl, scene, wall
 
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene.materials import MATERIALS, Material

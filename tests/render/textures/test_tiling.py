@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import need_opengl, scene
 
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.textures.build import WIDE, build_textures
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import Instances, make_mesh

@@ -11,10 +11,10 @@ from shared_fixtures.worlds.plain_albedo import plain_albedo
 from shared_fixtures.worlds.render_scenes import need_opengl
 from shared_fixtures.worlds.scenes import Scenery
 
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.samples import DepthImage, Image, SemanticImage
 from carlaloc_env.scene.materials import Material

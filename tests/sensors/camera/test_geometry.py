@@ -11,10 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import need_opengl
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.lens_distortion import Lens
+from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount

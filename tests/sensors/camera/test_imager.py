@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import need_opengl
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.transforms import R_FLU_OPTICAL, from_rotation
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig

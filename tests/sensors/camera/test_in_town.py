@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import need_opengl, rays_z1
 from shared_fixtures.worlds.scenes import Scenery
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.render_scenes import need_opengl
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.envs.observation import Observer
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events

@@ -9,7 +9,7 @@ import pytest
 from shared_fixtures.readings.event_pixels import PINHOLE, plane_motion, run, sums, uniform
 
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.core.geometry.transforms import R_FLU_OPTICAL, from_rotation
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.sensors.event_camera.motion_sampling import new_track, sample_signal
 from carlaloc_env.sensors.event_camera.tile_ranges import tile_ranges
 from carlaloc_env.sensors.event_camera.tile_survey import CHUNK, Fields, Pictures, Tile, new_notes, survey

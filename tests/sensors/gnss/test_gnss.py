@@ -8,8 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.core.geometry.map_projection import projected_reference
+from carlaloc_env.core.geodesy import GeoReference, projected_reference
 from carlaloc_env.envs.observation import values_of
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.gnss.constellation import CONSTELLATIONS, dilution

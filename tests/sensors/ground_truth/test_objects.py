@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.core.geometry.transforms import quat_rotate
+from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag

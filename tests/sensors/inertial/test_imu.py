@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.imu_readings import QUIET, quiet_imu, read, rows
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu
 from carlaloc_env.sensors.base import Mount

@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import brentq
 from shared_fixtures.readings.lidar_scans import HDL32E, MOUNT, paper, sweep
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.sensors.base import Mount

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.radar_scans import HEIGHT, STEP, config, frames
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.clock import TICK_NS
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.samples import CanState, WheelTicks

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from shared_fixtures.processes.made_once import made_once
 
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.camera.config import CameraConfig
 from recorder.drive.record import RecordConfig, record

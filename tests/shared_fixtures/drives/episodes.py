@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from recorder.episode.episode import EgoRow, EpisodeHeader, EpisodeWriter

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS, TICK_S
-from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld

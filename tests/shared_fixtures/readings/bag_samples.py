@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from rosbags.highlevel import AnyReader
 
-from carlaloc_env.core.geometry import transforms as geometry
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.samples import (
     DepthImage,
     Events,
@@ -120,8 +120,8 @@ def drive() -> list[Sample]:
     samples: list[Sample] = []
     for stamp in range(0, 200_000_000, 5_000_000):
         samples.append(imu(stamp, rng.normal(size=3), rng.normal(size=3)))
-        quat = geometry.rpy_to_quat(0.1, -0.2, 1.0 + stamp * 1e-9)
-        velocity = geometry.quat_rotate(quat, (5.0, 0.0, 0.5))
+        quat = transforms.rpy_to_quat(0.1, -0.2, 1.0 + stamp * 1e-9)
+        velocity = transforms.quat_rotate(quat, (5.0, 0.0, 0.5))
         samples.append(truth(stamp, rng.normal(size=3), quat, "imu", velocity, (0.0, 0.0, 1.0)))
         if stamp % 50_000_000 == 0:
             for side in ("left", "right"):

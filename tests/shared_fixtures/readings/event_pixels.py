@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.transforms import R_FLU_OPTICAL, from_rotation
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.sensors.event_camera.esim import generate_events
 from carlaloc_env.sensors.event_camera.pixels import NEVER_US, NoiseEvents, PixelState, Thresholds
 from carlaloc_env.sensors.imaging.frame_motion import FrameMotion

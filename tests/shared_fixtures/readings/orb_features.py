@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.actors.instances import instances_at
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.transforms import transform
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import transform
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera.config import CameraConfig

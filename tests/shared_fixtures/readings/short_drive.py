@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core import transforms
 from recorder.evaluation.trajectory import Trajectory
 
 EPOCH_NS = 1_672_531_200_000_000_000

@@ -9,8 +9,8 @@ import numpy as np
 import yaml
 from shared_fixtures.readings.bag_samples import cloud_of
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.semantic_tags import Tag

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.assets.model_library import build_library
-from carlaloc_env.core.geometry.transforms import cross
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

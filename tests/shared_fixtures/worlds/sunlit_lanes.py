@@ -9,8 +9,8 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.transforms import transform
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import transform
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import Instances, merge
 from carlaloc_env.scene.semantic_tags import Tag

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shared_fixtures.worlds.maps import MAPS
 from shared_fixtures.worlds.towns import network_at
 
-from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 carla = pytest.importorskip("carla", reason="needs the package carla (pip install carla)")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.transforms import R_FLU_OPTICAL, from_rotation
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.town import Town

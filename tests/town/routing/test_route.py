@@ -12,7 +12,7 @@ from shared_fixtures.worlds.maps import CROSSING, MAPS, VILLAGE, carla_map
 from shared_fixtures.worlds.towns import network_at
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route

@@ -9,7 +9,7 @@ import pytest
 from shared_fixtures.worlds.towns import town_network
 
 from benchmarks.traffic_audit import NOBODY
-from carlaloc_env.core import rng
+from carlaloc_env.core import clock
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
@@ -66,7 +66,7 @@ def test_without_a_route_no_street_is_a_main_street(network: LaneNetwork) -> Non
 def test_weighted_order_follows_its_theory() -> None:
     """Plackett and Luce: a thing comes first by its share of all weights, then by its share of the rest."""
     weight = np.array([1.0, 2.0, 5.0])
-    draw = rng.stream(3, "order")
+    draw = clock.stream(3, "order")
     count = 20_000
     orders = [tuple(weighted_order(draw, weight).tolist()) for _ in range(count)]
     for order in itertools.permutations(range(3)):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import yaml
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.sensors.base import Mount
 from recorder.writers.calibration.files import write_calibration
 from recorder.writers.rig_calibration import (

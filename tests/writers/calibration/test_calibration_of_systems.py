@@ -14,7 +14,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.lens_distortion import Lens
+from carlaloc_env.core.camera_model import Lens
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import Imu
 from recorder.writers.calibration.files import calibration_texts, write_calibration

@@ -13,9 +13,8 @@ import yaml
 from shared_fixtures.worlds.plain_albedo import plain_albedo
 from shared_fixtures.worlds.render_scenes import need_opengl
 
+from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.core.geometry.lens_distortion import Lens
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.materials import Material

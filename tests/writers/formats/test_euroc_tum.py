@@ -10,9 +10,9 @@ import pytest
 import yaml
 from shared_fixtures.readings.bag_samples import imu, truth
 
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.samples import Image, Imu, Odometry
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.timeline.ego_spline import EgoTrack

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.bag_samples import PINHOLE, cloud_of, rig, truth, write_all
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, ObjectList, Sample
 from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter

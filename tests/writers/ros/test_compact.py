@@ -12,8 +12,8 @@ import pytest
 from mcap.reader import make_reader
 from shared_fixtures.readings.bag_samples import cloud_of, read, write_all
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from carlaloc_env.sensors.base import Mount
 from recorder.writers.base import Writer

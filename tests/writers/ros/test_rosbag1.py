@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.bag_samples import cloud, drive, read, rig, write_all
 
-from carlaloc_env.core.geometry import transforms as geometry
+from carlaloc_env.core import transforms as geometry
 from carlaloc_env.samples import DepthImage, Image, Imu
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import cross
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.lighting.light_sources import Lights
 from carlaloc_env.render.lighting.light_tiles.screen_tiles import (

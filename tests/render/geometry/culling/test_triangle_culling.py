@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, need_opengl, rays_z1, scene, standing
 
-from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core import transforms
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.culling.triangle_culling import STILL, Body, TriangleCuller
 from carlaloc_env.render.geometry.gbuffer import GBuffer

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.precipitation.rain_drops import Streaks
 from carlaloc_env.render.precipitation.software.rain_layer import RainLayer, developed

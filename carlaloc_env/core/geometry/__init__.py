@@ -1,1 +1,0 @@
-"""Frames, transforms, cameras, lenses and the globe."""
