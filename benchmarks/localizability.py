@@ -23,8 +23,7 @@ from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.raycast import Hits
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.sensors.lidar.scan_pattern import ScanPattern

@@ -18,9 +18,8 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import weather_by_name
 
 

@@ -19,9 +19,8 @@ from carlaloc_env.assets.catalog import EGO_TINT
 from carlaloc_env.assets.number_plates import plate_of
 from carlaloc_env.assets.vehicles.wheels import wheel_pose
 from carlaloc_env.core import elementary
+from carlaloc_env.scene.materials import SignalLenses, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
-from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.snapshot import Snapshot, is_blink
 from carlaloc_env.timeline.timeline import (
     LIGHT_BRAKE,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Colour
-from carlaloc_env.scene.semantic_tags import Tag
 
 Tints = tuple[tuple[Colour, float], ...]
 """Linear tints with their fractions of a fleet."""

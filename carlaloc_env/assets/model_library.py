@@ -16,10 +16,8 @@ from carlaloc_env.assets.vehicles.lit_lamps import lit_lamps
 from carlaloc_env.assets.vehicles.parts import PlateMount, plate
 from carlaloc_env.assets.walkers.all_walkers import walker_models
 from carlaloc_env.core.files.array_cache import Arrays, cached
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, ModelLibrary
-from carlaloc_env.scene.mesh_arrays import meshes_from_arrays, meshes_to_arrays
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.mesh import Mesh, ModelLibrary, meshes_from_arrays, meshes_to_arrays
 
 LENS_RADIUS_M = 0.15
 """Radius of a traffic light's lens [m]."""

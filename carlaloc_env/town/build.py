@@ -12,8 +12,7 @@ import numpy as np
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.array_cache import cached
 from carlaloc_env.road.road_profile import Roughness
-from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.mesh_arrays import meshes_from_arrays, meshes_to_arrays
+from carlaloc_env.scene.mesh import Mesh, meshes_from_arrays, meshes_to_arrays
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive

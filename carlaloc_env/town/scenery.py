@@ -6,9 +6,8 @@ import numpy as np
 import shapely
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.building_lots import lot_boxes
 from carlaloc_env.town.buildings.skyline import add_skyline
 from carlaloc_env.town.config import TownConfig

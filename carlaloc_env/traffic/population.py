@@ -11,8 +11,8 @@ from carlaloc_env.assets.catalog import VEHICLES, WALKERS, Tints
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_WHEELBASE_M
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.traffic.config import TrafficConfig
 from carlaloc_env.traffic.tables.record_arrays import fill

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
+from carlaloc_env.scene.materials import DYNAMIC_TAGS
 from recorder.dataset.bags import messages, stamp_ns
 from recorder.dataset.readings import StereoPair
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
+from carlaloc_env.scene.materials import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig
 from carlaloc_env.sensors.lidar.config import LidarConfig

@@ -11,7 +11,7 @@ import cv2
 
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.core.files.output_paths import atomic_write
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carlaloc_env.core.transforms import quat_to_rpy, wrap_angle
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from recorder.episode.episode import Episode
 from recorder.episode.messages import VIOLATIONS
 

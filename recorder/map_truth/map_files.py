@@ -13,8 +13,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError, OutputError
 from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.raycast.surface import import_open3d
+from carlaloc_env.scene.materials import colourise
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import colourise
 from recorder.map_truth.surface_cloud import SurfaceCloud
 
 MESH_SUFFIXES = (".ply", ".gltf")

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import U8, Array, Mask
 from carlaloc_env.core.errors import ConfigError, EvaluationError
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from recorder.map_truth.surface_cloud import SurfaceCloud
 
 ALL = "all"

@@ -9,7 +9,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
-from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS, colourise
+from carlaloc_env.scene.materials import DYNAMIC_TAGS, colourise
 
 DEPTH_RANGE_M = (2.0, 200.0)
 """Depths shown from black to white on a logarithmic scale [m]."""

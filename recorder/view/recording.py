@@ -15,7 +15,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MissingDependencyError
 from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
 from carlaloc_env.core.transforms import matrix_to_quat, quat_rotate
-from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
+from carlaloc_env.scene.materials import PALETTE_RGB, Tag
 
 SUFFIX = ".rrd"
 """Suffix of rerun's files."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
+from carlaloc_env.scene.materials import PALETTE_RGB, Tag
 from carlaloc_env.town.town import Town
 from recorder.report.lane_lines import lane_lines
 from recorder.view.recording import WORLD, Recording, new_recording

@@ -18,9 +18,8 @@ from carlaloc_env.assets.vegetation.shrubs import hedge, shrub
 from carlaloc_env.assets.vegetation.tree_species import FORMS
 from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 
 PLAIN = Look(Material.PLAIN, Tag.STATIC)
 PROPS = (

@@ -15,7 +15,7 @@ import pytest
 import carlaloc_env
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.geodesy import GeoReference
-from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
+from carlaloc_env.scene.materials import TO_LEGACY, Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.town.checks.report import check_map

@@ -24,9 +24,8 @@ from carlaloc_env.render.lighting import night_lighting as night
 from carlaloc_env.render.lighting.light_tiles import tiled_lights
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, sky_light
 from carlaloc_env.render.qualities import QUALITIES
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
 need_opengl()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.scene.semantic_tags import (
+from carlaloc_env.scene.materials import (
     LEGACY_PALETTE_RGB,
     PALETTE_RGB,
     TAG_TABLES,

@@ -8,9 +8,8 @@ import shapely
 
 from carlaloc_env.assets.vegetation.tree_species import FORMS
 from carlaloc_env.core.transforms import apply
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.styles import STYLES, ZONE_STYLES
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.ground.paved_areas import TownAreas, town_areas

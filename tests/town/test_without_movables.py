@@ -7,8 +7,8 @@ import pytest
 from shared_fixtures.worlds.small_towns import Built
 
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.town import Town
 from carlaloc_env.town.town_roads import TownRoads

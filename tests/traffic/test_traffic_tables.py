@@ -11,7 +11,7 @@ from shared_fixtures.worlds.equality import assert_same
 from shared_fixtures.worlds.small_towns import Built, straight_road
 
 from carlaloc_env.core.geodesy import GeoReference
-from carlaloc_env.scene.signal_lenses import SignalLenses
+from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.town.config import SignalTiming, TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork

@@ -15,7 +15,7 @@ import pytest
 from benchmarks.traffic_audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import SignalTiming, TownConfig

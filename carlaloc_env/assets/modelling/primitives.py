@@ -12,9 +12,8 @@ from carlaloc_env.assets.modelling.normals import crease
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply, cross
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import WHITE, Colour, Mesh, make_mesh
-from carlaloc_env.scene.semantic_tags import Tag
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,8 @@ import numpy as np
 from carlaloc_env.assets.modelling.primitives import Look, box, panel, placed, tube
 from carlaloc_env.assets.texture_atlas import atlas_uv, cell_corners
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 
 def billboard(

@@ -7,9 +7,8 @@ import numpy as np
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe, placed, tube
 from carlaloc_env.assets.street.fences_and_poles import fence
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 _CONCRETE = Look(Material.CONCRETE, Tag.BUILDING, (205, 202, 194))
 _SITE_YELLOW = Look(Material.METAL_PAINTED, Tag.STATIC, (190, 120, 8))

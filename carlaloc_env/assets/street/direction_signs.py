@@ -13,9 +13,8 @@ import numpy as np
 from carlaloc_env.assets.modelling.primitives import Look, box, placed, quad, tube
 from carlaloc_env.assets.street.traffic_signs import SIGN_BACK, board
 from carlaloc_env.assets.texture_atlas import cell_corners, street_name_uv
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 BOARD_M = (4.4, 2.9)
 """Width and height of a direction board [m]."""

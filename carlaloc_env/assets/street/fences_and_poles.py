@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, extrude, lathe, tube
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 POST = Look(Material.METAL_GALVANISED, Tag.POLE)
 """Zinc-coated posts of signs and lights."""

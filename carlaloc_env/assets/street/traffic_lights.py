@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.modelling.primitives import Look, box, disc, lathe, placed, pose, rings, tube
 from carlaloc_env.assets.street.fences_and_poles import POST
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 _CASE = Look(Material.METAL_PAINTED, Tag.TRAFFIC_LIGHT, (10, 11, 10))
 _HEAD_YELLOW = Look(Material.METAL_PAINTED, Tag.TRAFFIC_LIGHT, (190, 120, 10))

@@ -9,9 +9,8 @@ from carlaloc_env.assets.vegetation.foliage import leaf_colours, separate_leaves
 from carlaloc_env.assets.vegetation.shrubs import tufts
 from carlaloc_env.core import elementary
 from carlaloc_env.core.clock import stream
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 
 def stalks(seed: int, height_m: float, tint: Colour) -> Mesh:

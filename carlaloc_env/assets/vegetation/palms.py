@@ -8,9 +8,8 @@ from carlaloc_env.assets.modelling.primitives import Look, tube
 from carlaloc_env.assets.vegetation.foliage import leaf_colours, leaf_mesh
 from carlaloc_env.assets.vegetation.tree_species import TreeForm
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 
 def palm(

@@ -15,9 +15,8 @@ from carlaloc_env.assets.vegetation.foliage import (
 )
 from carlaloc_env.core import elementary
 from carlaloc_env.core.clock import stream
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 
 def hedge(

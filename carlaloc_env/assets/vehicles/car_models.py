@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from carlaloc_env.assets.vehicles.body import BodyShape
 from carlaloc_env.assets.vehicles.car_spec import CarSpec
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 
 CARS: dict[str, CarSpec] = {
     "city_car": CarSpec(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from carlaloc_env.assets.vehicles.body import BodyShape, Points
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

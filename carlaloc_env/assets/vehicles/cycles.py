@@ -15,9 +15,8 @@ from carlaloc_env.assets.walkers.figure import figure
 from carlaloc_env.assets.walkers.pedalling import cranks, push_pedals
 from carlaloc_env.assets.walkers.skeleton import Joints
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 PEDAL_PHASES = 24
 """Postures in which a turn of the cranks is stored."""

@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look
 from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, STOP_TINT
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 
 LAMPS = ("brake", "left", "right", "reverse")
 """Kinds of lamps that are lit and put out."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from carlaloc_env.assets.modelling.primitives import Look, quad
 from carlaloc_env.assets.texture_atlas import PosterCell, atlas_uv, cell_corners
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 
 
 def advert(

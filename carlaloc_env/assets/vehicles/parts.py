@@ -10,9 +10,8 @@ from carlaloc_env.assets.modelling.primitives import Look, quad
 from carlaloc_env.assets.number_plates import PLATE_SIZE_M, plate_uv
 from carlaloc_env.assets.texture_atlas import cell_corners
 from carlaloc_env.assets.vehicles.wheels import WheelMount
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,9 +10,8 @@ from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, band
 from carlaloc_env.assets.vehicles.liveries import advert
 from carlaloc_env.assets.vehicles.parts import LampMount, PlateMount, VehicleParts, assemble
 from carlaloc_env.assets.vehicles.wheels import arch_liner, axle, car_wheels, plain_wheel, wheel
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 _CAB = BodyShape(
     length_m=2.10, width_m=2.44,

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, circle, fan, mirrored, placed, rings, surface
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 TYRE = (190, 190, 190)
 """Linear tint of tyres."""

@@ -6,8 +6,8 @@ from carlaloc_env.assets.catalog import GAIT_PHASES, LOW_GAIT_PHASES, WALKERS
 from carlaloc_env.assets.walkers.clothing import Build
 from carlaloc_env.assets.walkers.figure import skin_of
 from carlaloc_env.assets.walkers.gait import posture, standing
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 
 _GREY = (150, 148, 145)
 _BROWN, _BLOND = (40, 20, 8), (130, 88, 34)

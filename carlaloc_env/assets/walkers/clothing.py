@@ -12,9 +12,8 @@ from carlaloc_env.assets.modelling.primitives import Look, circle, ellipsoid, gr
 from carlaloc_env.assets.walkers.gait import standing
 from carlaloc_env.assets.walkers.skeleton import BONES, Joints, Skin, shoe_sole
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 
 Hang = tuple[str, str, float]
 """Two bones and the share of the first."""

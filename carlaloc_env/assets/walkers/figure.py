@@ -8,8 +8,8 @@ from carlaloc_env.assets.walkers.accessories import add_bags_and_stick, add_skir
 from carlaloc_env.assets.walkers.clothing import Build, SkinBuilder
 from carlaloc_env.assets.walkers.heads import add_face, add_head
 from carlaloc_env.assets.walkers.skeleton import Joints, Skin
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 
 
 def figure(joints: Joints, build: Build, tag: Tag, *, low: bool = False) -> Mesh:

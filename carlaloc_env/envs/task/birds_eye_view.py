@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.envs.task.task_world import TaskWorld
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalState
 

@@ -24,7 +24,7 @@ from carlaloc_env.samples import (
     Sample,
     SemanticImage,
 )
-from carlaloc_env.scene.semantic_tags import Tag, tags_in
+from carlaloc_env.scene.materials import Tag, tags_in
 from carlaloc_env.sensors.base import Camera, World
 from carlaloc_env.sensors.camera.config import OUTPUTS, CameraConfig
 from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain, RenderFrame

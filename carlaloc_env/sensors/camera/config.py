@@ -8,7 +8,7 @@ from typing import ClassVar
 from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.clock import TICK_NS, Schedule
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.scene.semantic_tags import TAG_TABLES
+from carlaloc_env.scene.materials import TAG_TABLES
 from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.event_camera.config import EventConfig
 from carlaloc_env.sensors.imaging.imager import ImagerConfig

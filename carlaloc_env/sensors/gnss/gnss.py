@@ -15,7 +15,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.samples import GnssFix, Sample
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.gnss.constellation import CONSTELLATIONS, dilution, least_squares, sky_directions
 from carlaloc_env.sensors.inertial.stochastic_processes import GaussMarkov, white

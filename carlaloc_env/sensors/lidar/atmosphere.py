@@ -14,7 +14,7 @@ import numpy as np
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.weather.parameters import MOR_CONTRAST, WeatherParameters
 
 BACKSCATTER_PER_MOR = 0.046

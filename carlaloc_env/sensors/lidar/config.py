@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.scene.semantic_tags import TAG_TABLES
+from carlaloc_env.scene.materials import TAG_TABLES
 from carlaloc_env.sensors.base import Mount, SensorConfig
 
 PAPER_ELEVATIONS_DEG: tuple[float, ...] = tuple(round(-30.0 + 40.0 * i / 31, 9) for i in range(32))

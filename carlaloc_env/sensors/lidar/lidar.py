@@ -17,7 +17,7 @@ from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
-from carlaloc_env.scene.semantic_tags import tags_in
+from carlaloc_env.scene.materials import tags_in
 from carlaloc_env.sensors.base import Sensor, World
 from carlaloc_env.sensors.inertial.stochastic_processes import white
 from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at

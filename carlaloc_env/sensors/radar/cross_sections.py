@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 
 RCS_DBSM: dict[Tag, tuple[float, float, float, float]] = {
     Tag.PEDESTRIAN: (-5.0, -5.0, -4.0, -6.0),

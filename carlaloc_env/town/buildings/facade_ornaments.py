@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, lathe
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.buildings.appearance import Shell
 from carlaloc_env.town.buildings.walls import Wall
 

@@ -7,9 +7,8 @@ import numpy as np
 from carlaloc_env.assets.modelling.primitives import Look, lathe
 from carlaloc_env.assets.vegetation.farm_plants import bale
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.buildings import BuildingPlan, building_mesh, draw_appearance
 from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR
 from carlaloc_env.town.buildings.styles import STYLES

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 

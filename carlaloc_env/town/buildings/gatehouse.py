@@ -9,9 +9,8 @@ import shapely
 
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.appearance import Shell
 from carlaloc_env.town.buildings.buildings import FOUNDATION_M, draw_appearance
 from carlaloc_env.town.buildings.facades import facade

@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, lathe
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.walls import around
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 

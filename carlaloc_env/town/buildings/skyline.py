@@ -8,9 +8,8 @@ import shapely
 from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.buildings.walls import around
 from carlaloc_env.town.ground.terrain import Terrain, Zones

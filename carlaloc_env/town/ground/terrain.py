@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder

@@ -10,8 +10,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.grade_graph import grown, runs
 from carlaloc_env.town.ground.height_fields import right_of
 from carlaloc_env.town.ground.terrain import LAP_M, Terrain, Zones

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import WHITE, Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.meshing.mesh_batches import Quads, Triangles, joined
 
 

@@ -10,8 +10,7 @@ import shapely
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.road.road_events import no_events
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.height_fields import JunctionField
 from carlaloc_env.town.ground.paved_areas import JunctionArea
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder

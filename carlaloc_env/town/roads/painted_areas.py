@@ -10,8 +10,7 @@ import shapely
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.height_fields import JunctionField
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.paved_areas import TownAreas

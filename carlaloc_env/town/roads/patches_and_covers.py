@@ -6,8 +6,7 @@ import numpy as np
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
 PATCH_M = 0.002

@@ -11,8 +11,7 @@ from carlaloc_env.assets.street.fences_and_poles import fence
 from carlaloc_env.assets.street.traffic_signs import sign
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.road_edges import Waysides
 from carlaloc_env.town.ground.terrain import Terrain

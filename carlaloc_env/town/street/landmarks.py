@@ -13,9 +13,8 @@ from carlaloc_env.assets.street.construction_sites import construction_site
 from carlaloc_env.assets.street.furniture import bus_shelter
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.buildings import BuildingPlan, building_mesh, draw_appearance
 from carlaloc_env.town.buildings.farms import barn, farm, silo
 from carlaloc_env.town.buildings.filling_station import filling_station

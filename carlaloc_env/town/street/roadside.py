@@ -9,9 +9,8 @@ import shapely
 
 from carlaloc_env.assets.street.fences_and_poles import delineator
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.config import RoadsideConfig
 from carlaloc_env.town.ground.ground_plan import Groundwork
 from carlaloc_env.town.lanes.lane_network import LaneNetwork

@@ -10,10 +10,8 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.assets.vegetation.tree_species import FORMS
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, SignalLenses, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.ground_plan import Groundwork
 from carlaloc_env.town.ground.land_raster import Land, Raster

@@ -9,8 +9,8 @@ from carlaloc_env.assets.street.traffic_signs import sign
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply
+from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.records import SignalHead, StaticSign

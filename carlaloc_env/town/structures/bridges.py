@@ -7,8 +7,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.grade_levels import Levels
 from carlaloc_env.town.ground.height_fields import EdgeField
 from carlaloc_env.town.ground.raised_parts import DECK_M, DIM, FOOTING_M, Floor, RaisedParts

@@ -10,9 +10,8 @@ from carlaloc_env.assets.street.direction_signs import BOARD_M, CLEAR_M, directi
 from carlaloc_env.assets.street.furniture import bench, bollard, lamp
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.config import Feature
 from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.meshing.polygons import Area

@@ -11,9 +11,8 @@ import shapely
 from carlaloc_env.assets.street.fences_and_poles import utility_pole, utility_wires_m
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import Array, Mask
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.grade_levels import WALL_M
 from carlaloc_env.town.ground.raised_parts import DECK_M, DIM, FOOTING_M, GREY, Floor, RaisedParts
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder

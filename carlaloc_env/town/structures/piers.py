@@ -9,8 +9,7 @@ import shapely
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.grade_levels import Levels, State
 from carlaloc_env.town.ground.raised_parts import DECK_M, DIM, FOOTING_M, Floor, RaisedParts, runs_in_strips
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads

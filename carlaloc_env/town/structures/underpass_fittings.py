@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.grade_levels import Stretch
 from carlaloc_env.town.ground.height_fields import interpolated
 from carlaloc_env.town.meshing.collision_mesh import posts

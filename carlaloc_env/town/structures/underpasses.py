@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.cuttings import ROOF_M
 from carlaloc_env.town.ground.grade_graph import grown, runs
 from carlaloc_env.town.ground.grade_levels import WALL_M, Levels, Stretch

@@ -6,8 +6,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides

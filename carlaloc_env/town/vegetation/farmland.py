@@ -14,9 +14,8 @@ from carlaloc_env.assets.vegetation.tree_species import DETAILS
 from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Colour
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.land_raster import Land
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.meshing.polygons import Area, areas_only, polygons_of, rings, triangulate

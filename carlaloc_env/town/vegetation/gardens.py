@@ -12,9 +12,8 @@ from carlaloc_env.assets.street.fences_and_poles import fence
 from carlaloc_env.assets.vegetation.farm_plants import picket_panel
 from carlaloc_env.assets.vegetation.shrubs import shrub
 from carlaloc_env.core import clock, elementary
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.building_lots import Lot
 from carlaloc_env.town.ground.land_raster import Land
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder

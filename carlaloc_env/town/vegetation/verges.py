@@ -9,8 +9,7 @@ import numpy as np
 from carlaloc_env.assets.street.billboards import billboard
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.buildings.building_lots import frontages
 from carlaloc_env.town.ground.height_fields import densify
 from carlaloc_env.town.ground.land_raster import Land

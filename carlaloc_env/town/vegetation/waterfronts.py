@@ -12,9 +12,8 @@ from carlaloc_env.assets.street.furniture import bench, planter
 from carlaloc_env.assets.vegetation.shrubs import shrub
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.height_fields import densify
 from carlaloc_env.town.ground.land_raster import Land
 from carlaloc_env.town.meshing.polygons import areas_only, rings

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 
 MOVING_FROM_MPS = 0.5
 """Speed from which a road user counts as moving [m/s]."""

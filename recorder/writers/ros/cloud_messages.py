@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.samples import ObjectList, PointCloud, RadarScan
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from recorder.writers.ros.message_parts import Message, MessageParts
 
 _POINT_DTYPE = np.dtype(

@@ -9,7 +9,7 @@ import numpy as np
 
 from carlaloc_env.core import transforms
 from carlaloc_env.samples import CanState, GnssFix, Imu, ObjectList, Odometry, Speed, WheelTicks
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.timeline.vehicle_track import WHEELS
 from recorder.writers import can_bus
 from recorder.writers.ros.message_parts import Message, MessageParts

@@ -12,9 +12,8 @@ from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.lighting.sky_textures import Skies
 from carlaloc_env.render.precipitation.software.rain_layer import developed
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
 need_opengl()

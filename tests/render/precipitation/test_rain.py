@@ -33,9 +33,8 @@ from carlaloc_env.render.precipitation.rain_drops import (
     terminal_mps,
 )
 from carlaloc_env.render.precipitation.software.rain_layer import RainLayer
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 

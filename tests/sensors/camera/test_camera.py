@@ -17,10 +17,8 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.samples import DepthImage, Image, SemanticImage
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import TO_LEGACY, Material, SignalLenses, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
-from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
-from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.camera import CameraSensor
 from carlaloc_env.sensors.camera.config import CameraConfig

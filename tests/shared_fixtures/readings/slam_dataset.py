@@ -13,7 +13,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import PointCloud
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.lidar.config import LidarConfig
 from recorder.dataset.checksums import write_checksums

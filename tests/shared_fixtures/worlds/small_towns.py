@@ -11,8 +11,8 @@ import pytest
 import shapely
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.lanes.build_network import build_network

@@ -8,8 +8,8 @@ import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_separation import find_levels
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.ground.terrain import Zones

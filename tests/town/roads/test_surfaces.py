@@ -10,8 +10,7 @@ import shapely
 from shared_fixtures.worlds.small_towns import STREET, build_small, cast, straight_road
 from shared_fixtures.worlds.towns import town_network
 
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.meshing.polygons import strip_polygon
 from carlaloc_env.town.roads.gore_hatching import gore_bars

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from carlaloc_env.assets.model_library import build_library
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import LEGACY_PALETTE_RGB, Material, Tag, tags_in
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.scene.semantic_tags import LEGACY_PALETTE_RGB, Tag, tags_in
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.buildings.building_lots import place_lots
 from carlaloc_env.town.ground.land_raster import CELL_M, Raster

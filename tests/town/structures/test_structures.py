@@ -7,9 +7,8 @@ import pytest
 import shapely
 from shared_fixtures.worlds.small_towns import Built, cast
 
-from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import merge
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.ground.paved_areas import lane_area

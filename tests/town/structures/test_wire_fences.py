@@ -9,8 +9,8 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
+from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
 from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides
