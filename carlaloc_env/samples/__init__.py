@@ -5,7 +5,6 @@ of measurement since the drive began.
 """
 
 from carlaloc_env.samples.base import Sample, SampleList
-from carlaloc_env.samples.ground_truth import ObjectList, Odometry
 from carlaloc_env.samples.images import (
     EVENT,
     DepthImage,
@@ -13,10 +12,19 @@ from carlaloc_env.samples.images import (
     FlowImage,
     Image,
     NormalImage,
+    PointCloud,
+    RadarScan,
     SemanticImage,
 )
-from carlaloc_env.samples.point_clouds import PointCloud, RadarScan
-from carlaloc_env.samples.vehicle_states import CanState, GnssFix, Imu, Speed, WheelTicks
+from carlaloc_env.samples.vehicle_states import (
+    CanState,
+    GnssFix,
+    Imu,
+    ObjectList,
+    Odometry,
+    Speed,
+    WheelTicks,
+)
 
 __all__ = [
     "EVENT",

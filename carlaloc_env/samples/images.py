@@ -1,4 +1,9 @@
-"""What cameras put out."""
+"""Samples of cameras, LiDARs and radars.
+
+What cameras put out.
+
+What LiDAR and radar put out.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.samples.base import Sample, check_arrays
 
 
@@ -104,3 +110,75 @@ class Events(Sample):
         counts = np.bincount(flat, minlength=2 * self.width_px * self.height_px)
         shape = (self.height_px, self.width_px, 2)
         return np.minimum(counts, 255).astype(np.uint8).reshape(shape)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class PointCloud(Sample):
+    """One LiDAR revolution in the sensor frame (FLU), each point where the sensor was at its time.
+
+    `stamp_ns` is the start of the sweep. Rays without a return are left out.
+    """
+
+    points_xyz_m: NDArray[np.float32]
+    """Hit points [m] in the instantaneous sensor frame, shape (N, 3)."""
+    intensity: NDArray[np.float32]
+    """Return strength 0–255, shape (N,)."""
+    ring: NDArray[np.uint16]
+    """Beam index, 0 = lowest, shape (N,)."""
+    offset_ns: NDArray[np.uint32]
+    """Time after `stamp_ns` [ns], non-decreasing, shape (N,)."""
+    sweep_ns: int
+    """Length of the sweep [ns]."""
+    tag: NDArray[np.uint8] | None = None
+    """Semantic `Tag`, shape (N,); only in the semantic cloud."""
+    instance: NDArray[np.uint32] | None = None
+    """Instance id, shape (N,); only in the semantic cloud."""
+    cos_incidence: NDArray[np.float32] | None = None
+    """Cosine between ray and surface normal, shape (N,); only in the semantic cloud."""
+
+    def __post_init__(self) -> None:
+        count = len(self.points_xyz_m)
+        check_arrays(self, np.float32, (count, 3), "points_xyz_m")
+        check_arrays(self, np.float32, (count,), "intensity", "cos_incidence")
+        check_arrays(self, np.uint16, (count,), "ring")
+        check_arrays(self, np.uint32, (count,), "offset_ns", "instance")
+        check_arrays(self, np.uint8, (count,), "tag")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class RadarScan(Sample):
+    """Detections of one radar frame, nearest first, in the radar's frame (FLU)."""
+
+    range_m: NDArray[np.float32]
+    """Distance [m], shape (N,)."""
+    azimuth_rad: NDArray[np.float32]
+    """Angle to the left of the x axis [rad], shape (N,)."""
+    elevation_rad: NDArray[np.float32]
+    """Angle above the x-y plane [rad], shape (N,)."""
+    doppler_mps: NDArray[np.float32]
+    """Rate of the distance [m/s]: positive = moving away from the radar, shape (N,)."""
+    snr_db: NDArray[np.float32]
+    """Measured signal-to-noise ratio [dB], shape (N,)."""
+    rcs_dbsm: NDArray[np.float32]
+    """Radar cross-section that explains the ratio [dBsm], shape (N,)."""
+    tag: NDArray[np.uint8]
+    """Truth: semantic `Tag` of the strongest scatterer, 0 for clutter and ghosts, shape (N,)."""
+    instance: NDArray[np.uint32]
+    """Truth: instance id of the strongest scatterer, 0 = none, shape (N,)."""
+    origin: NDArray[np.uint8]
+    """Truth: 0 = a thing, 1 = its mirror image (ghost), 2 = clutter, shape (N,)."""
+
+    def __post_init__(self) -> None:
+        count = len(self.range_m)
+        measured = "range_m", "azimuth_rad", "elevation_rad", "doppler_mps", "snr_db", "rcs_dbsm"
+        check_arrays(self, np.float32, (count,), *measured)
+        check_arrays(self, np.uint8, (count,), "tag", "origin")
+        check_arrays(self, np.uint32, (count,), "instance")
+
+    @property
+    def points_xyz_m(self) -> NDArray[np.float32]:
+        """Detections as points [m] in the radar's frame, shape (N, 3)."""
+        flat = self.range_m * elementary.cos(self.elevation_rad)
+        up = self.range_m * elementary.sin(self.elevation_rad)
+        ahead, left = flat * elementary.cos(self.azimuth_rad), flat * elementary.sin(self.azimuth_rad)
+        return np.stack([ahead, left, up], axis=-1)
