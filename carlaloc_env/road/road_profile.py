@@ -15,8 +15,15 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.road.road_events import EventTable, event_height, event_table, no_events
-from carlaloc_env.road.rough_surface import RoughSurface, WaveTable, wave_height
+from carlaloc_env.road.rough_surface import (
+    EventTable,
+    RoughSurface,
+    WaveTable,
+    event_height,
+    event_table,
+    no_events,
+    wave_height,
+)
 
 LONGEST_WAVE_M, SPLIT_WAVE_M, SHORTEST_WAVE_M = 50.0, 10.0, 0.25
 """Wavelengths at which relief begins, roughness takes over, and roughness ends [m]."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.road.road_events import no_events
+from carlaloc_env.road.rough_surface import no_events
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.grade_levels import Levels, State
 from carlaloc_env.town.ground.lane_strips import Strip

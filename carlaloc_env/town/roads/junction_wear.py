@@ -9,7 +9,7 @@ import shapely
 
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.road.road_events import no_events
+from carlaloc_env.road.rough_surface import no_events
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.height_fields import JunctionField
 from carlaloc_env.town.ground.paved_areas import JunctionArea

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shapely
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.road.road_events import no_events
+from carlaloc_env.road.rough_surface import no_events
 from carlaloc_env.town.ground.grade_graph import grown
 from carlaloc_env.town.ground.grade_levels import WALL_M, State
 from carlaloc_env.town.ground.ground_plan import Groundwork
