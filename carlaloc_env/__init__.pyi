@@ -36,11 +36,6 @@ from carlaloc_env.sensors.registry import SENSOR_KINDS as SENSOR_KINDS
 from carlaloc_env.sensors.vehicle.can import CanConfig as CanConfig
 from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig as SpeedConfig
 from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig as WheelsConfig
-from carlaloc_env.timeline.motion import Motion as Motion
-from carlaloc_env.timeline.snapshot import Snapshot as Snapshot
-from carlaloc_env.timeline.timeline import ActorCatalog as ActorCatalog
-from carlaloc_env.timeline.timeline import ActorFrame as ActorFrame
-from carlaloc_env.timeline.timeline import Timeline as Timeline
 from carlaloc_env.town.build import load_town as load_town
 from carlaloc_env.town.sources import TownId as TownId
 from carlaloc_env.town.sources import identify_town as identify_town

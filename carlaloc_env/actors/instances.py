@@ -21,7 +21,6 @@ from carlaloc_env.assets.vehicles.wheels import wheel_pose
 from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import SignalLenses, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
-from carlaloc_env.timeline.snapshot import Snapshot, is_blink
 from carlaloc_env.timeline.timeline import (
     LIGHT_BRAKE,
     LIGHT_LEFT,
@@ -29,6 +28,8 @@ from carlaloc_env.timeline.timeline import (
     LIGHT_RIGHT,
     ActorCatalog,
     ActorFrame,
+    Snapshot,
+    is_blink,
 )
 
 UNLIT_EGO_INSTANCE = (1 << 24) - 1

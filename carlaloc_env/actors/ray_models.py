@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.actors.articulation import STANDING_MPS, far_away, steer_step, tables_of, walker_models
 from carlaloc_env.scene.mesh import ModelLibrary
-from carlaloc_env.timeline.snapshot import Snapshot
+from carlaloc_env.timeline.timeline import Snapshot
 
 
 def ray_models(

@@ -10,7 +10,7 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.timeline.snapshot import Snapshot
+from carlaloc_env.timeline.timeline import Snapshot
 from carlaloc_env.weather.schedule import Weather
 
 _T_BASE_SEAT = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.03, 0.0)) @ R_FLU_OPTICAL, (1.8, 0.0, 1.65))

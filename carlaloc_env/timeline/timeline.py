@@ -1,6 +1,8 @@
 """Where the ego, every actor and every traffic light were at any time: all that sensors may ask.
 
 A live environment fills a short Timeline while it drives, a replay loads a whole one.
+
+One instant of a drive: all that cameras, the window and rays need to know of what moves.
 """
 
 from __future__ import annotations
@@ -12,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.core.array_types import F32
+from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
+from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.motion import Motion
+from carlaloc_env.timeline.ego_spline import EgoTrack, Motion
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
 LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, LIGHT_LOW_BEAM, LIGHT_REVERSE = 1, 2, 4, 8, 16
@@ -288,3 +290,64 @@ def _held(a: ActorFrame, b: ActorFrame, stays: NDArray[np.bool_]) -> ActorFrame:
 def _turn(a_rad: F32, b_rad: F32, fraction: np.float32) -> F32:
     delta = wrap_angle(b_rad.astype(np.float64) - a_rad)
     return (a_rad + fraction * delta).astype(np.float32)
+
+
+BRAKE_FRACTION = 0.02
+"""Fraction of the pedal's travel from which the ego's brake lamps are lit."""
+_BLINK_NS = 666_666_666
+"""Period of the indicators [ns]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Snapshot:
+    """State of ego, actors and signals at one instant; holds no timeline, so it can go to another process."""
+
+    stamp_ns: int
+    """Time since the drive began [ns]."""
+    T_world_base: Array
+    """Pose of the ego's `base_link`, maps it to the world, shape (4, 4)."""
+    ego_velocity_mps: Array = field(default_factory=lambda: np.zeros(3))
+    """Velocity of `base_link` in world axes [m/s], shape (3,)."""
+    ego_lights: int = 0
+    """Bits of the ego's lit lights (`LIGHT_BRAKE` …)."""
+    ego_headlamps: bool = True
+    """Whether the ego's headlamps are switched on; they shine by night only."""
+    catalog: ActorCatalog = field(default_factory=empty_catalog)
+    """The other actors, N of them."""
+    actors: ActorFrame = field(default_factory=empty_frame)
+    """Their state."""
+    signals: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
+    """State of every signal head of the town (0 off, 1 red, 2 yellow, 3 green), shape (S,)."""
+
+    @classmethod
+    def of(cls, timeline: Timeline, stamp_ns: int) -> Snapshot:
+        """Snapshot of a timeline at a time [ns].
+
+        Raises:
+            ValueError: the time lies outside the timeline.
+        """
+        motion = timeline.ego_motion([stamp_ns])
+        return cls(
+            stamp_ns=stamp_ns,
+            T_world_base=motion.T_world_frame[0],
+            ego_velocity_mps=motion.velocity_world_mps[0],
+            ego_lights=ego_lights(timeline.car, stamp_ns),
+            catalog=timeline.catalog,
+            actors=timeline.actors_at(stamp_ns),
+            signals=timeline.signals_at(stamp_ns),
+        )
+
+
+def ego_lights(car: CarTrack, stamp_ns: int) -> int:
+    """Bits of the ego's lit lights by its pedals and gear at a time [ns]; 0 where they are not known."""
+    try:
+        state = car.at(stamp_ns)
+    except EpisodeError:
+        return 0
+    braking = float(state.brake[0]) > BRAKE_FRACTION
+    return braking * LIGHT_BRAKE + bool(state.reverse[0]) * LIGHT_REVERSE
+
+
+def is_blink(stamp_ns: int) -> bool:
+    """Whether indicators that are switched on shine at a time [ns]."""
+    return (stamp_ns % _BLINK_NS) * 2 < _BLINK_NS

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import CarlaLocError, RenderError
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.timeline.snapshot import Snapshot
+from carlaloc_env.timeline.timeline import Snapshot
 from recorder.window.resolution import SIZES_PX
 
 GONE = "no pictures: the drawing process has ended; P pauses, Escape keeps the drive and ends it"

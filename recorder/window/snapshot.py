@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.timeline.snapshot import Snapshot, is_blink
-from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_RIGHT
+from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_RIGHT, Snapshot, is_blink
 from recorder.window.status import DriveStatus
 
 VIEWS = ("seat", "chase", "above")

@@ -15,7 +15,7 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.timeline.snapshot import Snapshot
+from carlaloc_env.timeline.timeline import Snapshot
 from recorder.window.resolution import LiveResolution
 
 _CHASE_TURN = 0.06

@@ -18,8 +18,7 @@ from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
-from carlaloc_env.timeline.snapshot import ego_lights
-from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_REVERSE, ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_REVERSE, ActorCatalog, ActorFrame, ego_lights
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
 

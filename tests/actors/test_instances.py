@@ -11,8 +11,7 @@ from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.transforms import from_rotation
 from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
-from carlaloc_env.timeline.snapshot import Snapshot
-from carlaloc_env.timeline.timeline import LIGHT_BRAKE
+from carlaloc_env.timeline.timeline import LIGHT_BRAKE, Snapshot
 
 ACTOR = EGO_INSTANCE + 7
 

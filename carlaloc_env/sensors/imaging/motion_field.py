@@ -25,7 +25,7 @@ from carlaloc_env.core.camera_model import MODELS, Lens, Pinhole
 from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
-from carlaloc_env.timeline.snapshot import Snapshot
+from carlaloc_env.timeline.timeline import Snapshot
 
 SKY_M = 1e6
 """Distance given to the sky [m]."""

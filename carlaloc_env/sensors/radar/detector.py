@@ -20,7 +20,7 @@ from carlaloc_env.sensors.radar.radar_equation import (
     rain_loss_db_per_m,
     snr_at,
 )
-from carlaloc_env.timeline.motion import Motion
+from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.weather.parameters import WeatherParameters
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from carlaloc_env.sensors.radar.angles import direction, dot, into, out_of, pola
 from carlaloc_env.sensors.radar.cross_sections import actor_rcs_dbsm, scenery_db, texture
 from carlaloc_env.sensors.radar.multipath import mirror_images
 from carlaloc_env.sensors.radar.radar_equation import RadarEchoes
-from carlaloc_env.timeline.motion import Motion
+from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:

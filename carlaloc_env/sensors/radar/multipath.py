@@ -14,7 +14,7 @@ from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes
 from carlaloc_env.sensors.radar.angles import direction, dot, into, out_of, polar
 from carlaloc_env.sensors.radar.cross_sections import REFLECTORS
 from carlaloc_env.sensors.radar.radar_equation import RadarEchoes
-from carlaloc_env.timeline.motion import Motion
+from carlaloc_env.timeline.ego_spline import Motion
 
 Cast = Callable[[Array, Array], Hits]
 """First hits of rays given by origins [m] and unit directions, world, each (M, 3)."""
