@@ -43,8 +43,6 @@ from carlaloc_env.town.sources import known_towns as known_towns
 from carlaloc_env.town.town import Town as Town
 from carlaloc_env.traffic.config import TrafficConfig as TrafficConfig
 from carlaloc_env.traffic.config import traffic_of_town as traffic_of_town
-from carlaloc_env.weather.parameters import WeatherParameters as WeatherParameters
-from carlaloc_env.weather.parameters import weather_by_name as weather_by_name
 from carlaloc_env.weather.schedule import WeatherSchedule as WeatherSchedule
 
 __version__: str

@@ -21,8 +21,7 @@ import yaml
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.files.config_files import read_text
-from carlaloc_env.weather.changed_weather import changed_weather
-from carlaloc_env.weather.parameters import WeatherParameters, weather_by_name
+from carlaloc_env.weather.parameters import WeatherParameters, changed_weather, weather_by_name
 
 STEP_NS = 1_000_000_000
 """The weather changes once a second: each new one costs a sky and a shadow map."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from carlaloc_env.core.errors import ConfigError, check_name
 from carlaloc_env.faults.faults import Faults
-from carlaloc_env.weather.changed_weather import weather_word
+from carlaloc_env.weather.parameters import weather_word
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.episode.traffic_level import TrafficLevel, traffic_level
 

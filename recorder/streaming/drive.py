@@ -14,7 +14,7 @@ from pathlib import Path
 from carlaloc_env.core.errors import ConfigError, EvaluationError, WriterError
 from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.weather.changed_weather import weather_word
+from carlaloc_env.weather.parameters import weather_word
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
 from recorder.dataset.rig_parts import imu_of

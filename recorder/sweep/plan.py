@@ -8,7 +8,7 @@ from itertools import product
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.weather.changed_weather import weather_word
+from carlaloc_env.weather.parameters import weather_word
 from carlaloc_env.weather.schedule import weather_of
 from recorder.benchmark.plan import DRIVES, BenchmarkSequence, sequence_of
 from recorder.dataset.checksums import file_sha256

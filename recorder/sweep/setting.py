@@ -9,7 +9,7 @@ import numpy as np
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.faults.faults import Faults, fault_quantity
-from carlaloc_env.weather.changed_weather import changed_weather, weather_quantities, with_quantity
+from carlaloc_env.weather.parameters import changed_weather, weather_quantities, with_quantity
 from recorder.episode.traffic_level import LEVELS
 
 TRAFFIC, FAULT = "traffic", "fault."
