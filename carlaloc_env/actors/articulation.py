@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.catalog import GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
-from carlaloc_env.assets.vehicles.all_vehicles import vehicle
-from carlaloc_env.assets.vehicles.lit_lamps import LAMPS
-from carlaloc_env.assets.vehicles.parts import VehicleParts
+from carlaloc_env.assets.model_library import vehicle
+from carlaloc_env.assets.vehicles.car_ends import LAMPS
+from carlaloc_env.assets.vehicles.wheels import VehicleParts
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary

@@ -15,8 +15,7 @@ from carlaloc_env.actors.articulation import (
     tables_of,
     walker_models,
 )
-from carlaloc_env.assets.catalog import EGO_TINT
-from carlaloc_env.assets.number_plates import plate_of
+from carlaloc_env.assets.catalog import EGO_TINT, plate_of
 from carlaloc_env.assets.vehicles.wheels import wheel_pose
 from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import SignalLenses, Tag

@@ -11,9 +11,7 @@ from shared_fixtures.worlds.scenes import Scenery
 from carlaloc_env.actors.instances import place_actors, place_ego, place_lights
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.assets.vehicles.cycles import CRANK_TRAVEL_M, PEDAL_PHASES
-from carlaloc_env.assets.walkers.gait import SHANK, THIGH
-from carlaloc_env.assets.walkers.pedalling import FOOT_M, pedal_at, push_pedals
-from carlaloc_env.assets.walkers.skeleton import Joints
+from carlaloc_env.assets.walkers.gait import FOOT_M, SHANK, THIGH, Joints, pedal_at, push_pedals
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.scene.materials import Material, Tag

@@ -9,23 +9,22 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.meshes import facing_away, signed_volume_m3
 
-from carlaloc_env.assets.modelling.primitives import Look, box, lathe, mirrored, tube
-from carlaloc_env.assets.street import fences_and_poles, furniture
-from carlaloc_env.assets.street.traffic_lights import traffic_light
-from carlaloc_env.assets.street.traffic_signs import SIGNS, sign
+from carlaloc_env.assets import posts_and_fences, street_furniture
+from carlaloc_env.assets.plants import hedge, shrub
+from carlaloc_env.assets.posts_and_fences import traffic_light
+from carlaloc_env.assets.primitives import Look, box, lathe, mirrored, tube
+from carlaloc_env.assets.signs import SIGNS, sign
 from carlaloc_env.assets.texture_atlas import atlas_uv, street_name_uv
-from carlaloc_env.assets.vegetation.shrubs import hedge, shrub
-from carlaloc_env.assets.vegetation.tree_species import FORMS
-from carlaloc_env.assets.vegetation.trees import tree
+from carlaloc_env.assets.trees import FORMS, tree
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
 
 PLAIN = Look(Material.PLAIN, Tag.STATIC)
 PROPS = (
-    furniture.lamp, furniture.bench, furniture.bin_, furniture.hydrant, furniture.bollard, furniture.banner,
-    furniture.bus_shelter, furniture.advertising_column, furniture.newspaper_box, furniture.post_box,
-    furniture.cabinet, furniture.planter, fences_and_poles.utility_pole, fences_and_poles.delineator,
+    street_furniture.lamp, street_furniture.bench, street_furniture.bin_, street_furniture.hydrant, street_furniture.bollard, street_furniture.banner,
+    street_furniture.bus_shelter, street_furniture.advertising_column, street_furniture.newspaper_box, street_furniture.post_box,
+    street_furniture.cabinet, street_furniture.planter, posts_and_fences.utility_pole, posts_and_fences.delineator,
     shrub, hedge,
 )  # fmt: skip
 
@@ -33,7 +32,7 @@ PROPS = (
 @pytest.mark.parametrize("make", PROPS)
 def test_props_stand_at_the_origin_and_show_their_outside(make: Callable[[], Mesh]) -> None:
     mesh = make()
-    assert mesh.bounds_m[0, 2] > -0.07 or make is furniture.banner
+    assert mesh.bounds_m[0, 2] > -0.07 or make is street_furniture.banner
     assert signed_volume_m3(mesh) > 0
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-4)
     if make is not hedge:

@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carlaloc_env.assets.modelling.normals import crease
-from carlaloc_env.assets.modelling.primitives import Look, grid_triangles, mirrored
+from carlaloc_env.assets.primitives import Look, crease, grid_triangles, mirrored
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Colour, Mesh, merge

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from carlaloc_env.assets.number_plates import PLATE_COLUMNS, PLATE_ROWS, PLATE_SIZE_M, PLATES, plate_text
+from carlaloc_env.assets.catalog import PLATE_COLUMNS, PLATE_ROWS, PLATE_SIZE_M, PLATES, plate_text
 from carlaloc_env.render.textures.canvas import Canvas, Rgb, strips
 from carlaloc_env.render.textures.noise import Layer
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.modelling.primitives import Look, lathe
+from carlaloc_env.assets.primitives import Look, lathe
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.buildings.appearance import Shell

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.assets.modelling.primitives import Look, lathe
-from carlaloc_env.assets.vegetation.farm_plants import bale
+from carlaloc_env.assets.plants import bale
+from carlaloc_env.assets.primitives import Look, lathe
 from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Colour, Mesh, merge

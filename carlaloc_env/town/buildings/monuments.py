@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from carlaloc_env.assets.modelling.primitives import Look, lathe
+from carlaloc_env.assets.primitives import Look, lathe
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.buildings.walls import around

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.vegetation.trees import tree
+from carlaloc_env.assets.trees import tree
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.street.fences_and_poles import fence
-from carlaloc_env.assets.street.traffic_signs import sign
+from carlaloc_env.assets.posts_and_fences import fence
+from carlaloc_env.assets.signs import sign
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.street.fences_and_poles import delineator
+from carlaloc_env.assets.posts_and_fences import delineator
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh

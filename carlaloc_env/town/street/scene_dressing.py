@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from carlaloc_env.assets.vegetation.tree_species import FORMS
+from carlaloc_env.assets.trees import FORMS
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, SignalLenses, Tag
 from carlaloc_env.scene.mesh import Mesh

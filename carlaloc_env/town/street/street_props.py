@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from carlaloc_env.assets.street import furniture
-from carlaloc_env.assets.street.traffic_signs import sign
+from carlaloc_env.assets import street_furniture
+from carlaloc_env.assets.plants import hedge
+from carlaloc_env.assets.signs import sign
 from carlaloc_env.assets.texture_atlas import STREET_NAMES
-from carlaloc_env.assets.vegetation.shrubs import hedge
-from carlaloc_env.assets.vegetation.trees import tree
+from carlaloc_env.assets.trees import tree
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 
@@ -45,18 +45,18 @@ def prop_mesh(name: str, variant: int, detail: str) -> Mesh:
     if name.startswith("tree "):
         return tree(name.removeprefix("tree "), variant, detail)
     makers: dict[str, Callable[[], Mesh]] = {
-        "lamp": lambda: furniture.lamp(LAMP_HEIGHT_M, LAMP_ARM_M),
-        "banner": lambda: furniture.banner(variant),
-        "bench": furniture.bench,
-        "bin": furniture.bin_,
-        "hydrant": furniture.hydrant,
-        "newspaper_box": furniture.newspaper_box,
-        "post_box": furniture.post_box,
-        "cabinet": furniture.cabinet,
-        "planter": furniture.planter,
-        "column": lambda: furniture.advertising_column(variant),
+        "lamp": lambda: street_furniture.lamp(LAMP_HEIGHT_M, LAMP_ARM_M),
+        "banner": lambda: street_furniture.banner(variant),
+        "bench": street_furniture.bench,
+        "bin": street_furniture.bin_,
+        "hydrant": street_furniture.hydrant,
+        "newspaper_box": street_furniture.newspaper_box,
+        "post_box": street_furniture.post_box,
+        "cabinet": street_furniture.cabinet,
+        "planter": street_furniture.planter,
+        "column": lambda: street_furniture.advertising_column(variant),
         "street_name": lambda: sign("street_name", STREET_NAMES[variant]),
-        "bus_shelter": lambda: furniture.bus_shelter(variant),
+        "bus_shelter": lambda: street_furniture.bus_shelter(variant),
         "hedge": lambda: hedge(3.0, 1.2 + 0.1 * variant, 0.6, variant, "low"),
     }
     return makers[name]()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.modelling.primitives import Look, box, tube
+from carlaloc_env.assets.primitives import Look, box, tube
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag

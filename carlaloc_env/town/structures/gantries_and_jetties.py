@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.modelling.primitives import Look, box, placed, tube
-from carlaloc_env.assets.street.direction_signs import BOARD_M, CLEAR_M, direction_board
-from carlaloc_env.assets.street.furniture import bench, bollard, lamp
+from carlaloc_env.assets.primitives import Look, box, placed, tube
+from carlaloc_env.assets.signs import BOARD_M, CLEAR_M, direction_board
+from carlaloc_env.assets.street_furniture import bench, bollard, lamp
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.street.fences_and_poles import utility_pole, utility_wires_m
+from carlaloc_env.assets.posts_and_fences import utility_pole, utility_wires_m
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.modelling.primitives import placed
-from carlaloc_env.assets.street import furniture
+from carlaloc_env.assets import street_furniture
+from carlaloc_env.assets.primitives import placed
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -53,11 +53,11 @@ def mast_meshes(
     double, yaw_double = _outside(spans, *_on_medians(medians))
     single, yaw_single = _outside(spans, *_beside(ways, double, paved))
     deck, yaw_deck = _on_parapets(ways.edges, overhead)
-    mast = furniture.lamp(MAST_M, ARM_M)
+    mast = street_furniture.lamp(MAST_M, ARM_M)
     kinds = (
         (merge([mast, placed(mast, (0.0, 0.0, 0.0), np.pi)]), double, yaw_double, MAST_M, (ARM_M, -ARM_M)),
         (mast, single, yaw_single, MAST_M, (ARM_M,)),
-        (furniture.lamp(DECK_LAMP_M, DECK_ARM_M), deck, yaw_deck, DECK_LAMP_M, (DECK_ARM_M,)),
+        (street_furniture.lamp(DECK_LAMP_M, DECK_ARM_M), deck, yaw_deck, DECK_LAMP_M, (DECK_ARM_M,)),
     )
     meshes, lights = [], [np.zeros((0, 3))]
     for mesh, feet, yaw, height, arms in kinds:

@@ -9,9 +9,8 @@ from functools import partial
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.vegetation.farm_plants import bale, fence_panel, maize, stalks
-from carlaloc_env.assets.vegetation.tree_species import DETAILS
-from carlaloc_env.assets.vegetation.trees import tree
+from carlaloc_env.assets.plants import bale, fence_panel, maize, stalks
+from carlaloc_env.assets.trees import DETAILS, tree
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag

@@ -7,10 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from carlaloc_env.assets.modelling.primitives import Look, box
-from carlaloc_env.assets.street.fences_and_poles import fence
-from carlaloc_env.assets.vegetation.farm_plants import picket_panel
-from carlaloc_env.assets.vegetation.shrubs import shrub
+from carlaloc_env.assets.plants import picket_panel, shrub
+from carlaloc_env.assets.posts_and_fences import fence
+from carlaloc_env.assets.primitives import Look, box
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, merge

@@ -8,9 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.vegetation.shrubs import shrub, tufts
-from carlaloc_env.assets.vegetation.tree_species import DETAILS
-from carlaloc_env.assets.vegetation.trees import tree
+from carlaloc_env.assets.plants import shrub, tufts
+from carlaloc_env.assets.trees import DETAILS, tree
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.buildings.building_lots import frontages

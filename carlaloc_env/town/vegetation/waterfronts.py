@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.modelling.primitives import Look, box, lathe
-from carlaloc_env.assets.street.furniture import bench, planter
-from carlaloc_env.assets.vegetation.shrubs import shrub
+from carlaloc_env.assets.plants import shrub
+from carlaloc_env.assets.primitives import Look, box, lathe
+from carlaloc_env.assets.street_furniture import bench, planter
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag

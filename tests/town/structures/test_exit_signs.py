@@ -7,7 +7,7 @@ import pytest
 import shapely
 from shared_fixtures.worlds.towns import town_network
 
-from carlaloc_env.assets.street.direction_signs import CLEAR_M, cantilever, countdown_marker, verge_sign
+from carlaloc_env.assets.signs import CLEAR_M, cantilever, countdown_marker, verge_sign
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.config import TownConfig

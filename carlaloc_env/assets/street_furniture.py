@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.modelling.primitives import (
+from carlaloc_env.assets.primitives import (
     Look,
     box,
     ellipsoid,

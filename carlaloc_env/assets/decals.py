@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.assets.modelling.primitives import Look, mirrored
+from carlaloc_env.assets.primitives import Look, mirrored
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh, face_vectors
 

@@ -1,1 +1,0 @@
-"""Tools for making models: primitives, normals, decals."""

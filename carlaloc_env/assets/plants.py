@@ -1,0 +1,306 @@
+"""Leaves and clumps, and the low plants that are made of them.
+
+Foliage of crowns: leaf triangles, and clumps that stand for many leaves close together.
+
+Hedges, shrubs and tufts of grass.
+
+Small things of the countryside: plants of a field, bales, pasture fences.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.primitives import Look, box, circle, lathe, placed, tube
+from carlaloc_env.core import elementary
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.clock import stream
+from carlaloc_env.core.transforms import cross
+from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.mesh import Colour, Mesh, make_mesh, merge
+
+LeafTint = tuple[int, int, int]
+"""LeafTint relative to a green leaf; parts of yellow and red leaves may exceed 255."""
+GREEN = np.array([0.65, 0.82, 0.84])
+"""Share of the texture's colour that a green leaf keeps; leaves of other colours may exceed it."""
+
+_GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
+_CORNERS = np.array(
+    [
+        (-1, _GOLDEN, 0), (1, _GOLDEN, 0), (-1, -_GOLDEN, 0), (1, -_GOLDEN, 0), (0, -1, _GOLDEN),
+        (0, 1, _GOLDEN), (0, -1, -_GOLDEN), (0, 1, -_GOLDEN), (_GOLDEN, 0, -1), (_GOLDEN, 0, 1),
+        (-_GOLDEN, 0, -1), (-_GOLDEN, 0, 1),
+    ]
+) / np.sqrt(1.0 + _GOLDEN**2)  # fmt: skip
+_FACES = np.array(
+    [
+        (0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2),
+        (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5), (2, 4, 11),
+        (6, 2, 10), (8, 6, 7), (9, 8, 1),
+    ]
+)  # fmt: skip
+"""The icosahedron with unit circumradius: 12 corners, 20 faces seen anticlockwise from outside."""
+CLUMP_AREA = 9.5745
+"""Surface of that icosahedron."""
+TRIANGLE_AREA = 0.4330
+"""Area of an equilateral triangle with unit edge."""
+LONG = 1.3
+"""How much longer than equilateral leaf triangles are, and how much narrower."""
+
+
+def directions(rng: np.random.Generator, count: int) -> Array:
+    """Evenly distributed unit vectors, shape (count, 3)."""
+    vector = rng.normal(size=(count, 3))
+    return np.asarray(vector / np.sqrt(np.sum(vector * vector, axis=-1, keepdims=True)))
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors of length one, same shape; zero where they are."""
+    return np.asarray(vectors / np.maximum(np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True)), 1e-9))
+
+
+def leaf_colours(tint: LeafTint, light: Array) -> NDArray[np.uint8]:
+    """Colours of leaves by the light on each, shape (N, 1) or (N, 3)."""
+    return np.asarray(np.clip(np.array(tint) * GREEN * light, 0, 255), dtype=np.uint8)
+
+
+def leaf_mesh(
+    vertices_m: Array,
+    triangles: NDArray[np.integer],
+    uv_m: Array,
+    colour: NDArray[np.uint8],
+    normals: Array | None = None,
+) -> Mesh:
+    """Mesh of leaves; arguments as of `make_mesh`, their leading axes in any shape."""
+    return make_mesh(
+        vertices_m.reshape(-1, 3),
+        triangles,
+        material=Material.LEAF,
+        tag=Tag.VEGETATION,
+        uv_m=uv_m.reshape(-1, 2),
+        normals=None if normals is None else normals.reshape(-1, 3),
+        colour=colour.reshape(-1, 3),
+    )
+
+
+def separate_leaves(corners_m: Array, uv_m: Array, colour: NDArray[np.uint8], normals: Array) -> Mesh:
+    """Triangles of three corners each (N, 3, 3) [m], with uv (3·N, 2), and a colour and a normal (N, 3)."""
+    triangles = np.arange(3 * len(corners_m)).reshape(-1, 3)
+    return leaf_mesh(corners_m, triangles, uv_m, np.repeat(colour, 3, axis=0), np.repeat(normals, 3, axis=0))
+
+
+def leaf_triangles(
+    rng: np.random.Generator,
+    points: Array,
+    out: Array,
+    size: Array,
+    tint: LeafTint,
+    shade: Array | float = 1.0,
+) -> Mesh:
+    """One leaf triangle at each point, facing roughly outwards, with normals bent outwards.
+
+    Args:
+        rng: Randomness.
+        points: Middles of the triangles [m], shape (N, 3).
+        out: Unit vectors away from the middle of the crown, shape (N, 3).
+        size: Edges [m], shape (N,).
+        tint: Linear tint.
+        shade: Factor on the tint, a number or shape (N,).
+    """
+    count = len(points)
+    normal = unit(0.7 * out + 0.9 * directions(rng, count))
+    across = unit(cross(normal, directions(rng, count)))
+    other = cross(normal, across)
+    cos, sin = circle(3).T
+    corner = LONG * cos[None, :, None] * across[:, None]
+    corner = corner + sin[None, :, None] * other[:, None] / LONG
+    vertices = points[:, None] + 0.577 * size[:, None, None] * corner
+    bent = unit(0.5 * normal + 0.5 * out)
+    light = rng.uniform(0.72, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.06, (count, 3)), 0.8, 1.2)
+    light = light * np.broadcast_to(shade, (count,))[:, None]
+    uv = rng.uniform(0, 1, (count, 1, 2)) + 0.5 * size[:, None, None] * np.stack([cos, sin], -1)
+    return separate_leaves(vertices, uv, leaf_colours(tint, light), bent)
+
+
+def clumps(
+    rng: np.random.Generator,
+    centres: Array,
+    radii: Array,
+    middle: Array,
+    tint: LeafTint,
+    *,
+    squash: float,
+    ragged: float = 0.28,
+) -> Mesh:
+    """Uneven bodies of leaves, dark towards the middle of the crown and below.
+
+    Args:
+        rng: Randomness.
+        centres: Middles [m], shape (N, 3).
+        radii: Radii [m], shape (N,).
+        middle: Middle of the crown [m], shape (3,).
+        tint: Linear tint.
+        squash: Height over width.
+        ragged: How much corners stand out or in, as a share of the radius.
+    """
+    count = len(centres)
+    bump = 1.0 + ragged * rng.uniform(-1.0, 1.0, (count, 12, 1))
+    turned = _turned(rng, count)
+    local = turned * bump * radii[:, None, None] * np.array([1.0, 1.0, squash])
+    vertices = centres[:, None] + local
+    away = unit(vertices - middle)
+    normals = unit(0.55 * unit(local) + 0.45 * away)
+    reach = np.sqrt(np.sum((centres - middle) ** 2, axis=-1))
+    span = float(np.max(reach)) + 1e-6
+    height = (centres[:, 2] - middle[2]) / span
+    shade = np.clip(0.62 + 0.22 * (reach / span) + 0.20 * height, 0.4, 1.0)[:, None]
+    shade = shade * rng.uniform(0.8, 1.0, (count, 12))
+    hue = np.clip(rng.normal(1.0, 0.05, (count, 1, 3)), 0.85, 1.15)
+    colour = np.clip(np.array(tint) * GREEN * shade[..., None] * hue, 0, 255).astype(np.uint8)
+    # The octahedral map of the sphere, unfolded to about true scale.
+    taxi = np.sum(np.abs(turned), axis=-1)
+    uv = 1.6 * radii[:, None, None] * turned[..., :2] / taxi[..., None]
+    uv = uv + 0.9 * radii[:, None, None] * np.stack([turned[..., 2], -turned[..., 2]], -1)
+    uv = uv + rng.uniform(0, 1, (count, 1, 2))
+    triangles = (np.arange(count)[:, None, None] * 12 + _FACES[None]).reshape(-1, 3)
+    return leaf_mesh(vertices, triangles, uv, colour, normals)
+
+
+def _turned(rng: np.random.Generator, count: int) -> Array:
+    """The icosahedron's corners turned about the vertical at random, shape (count, 12, 3)."""
+    angle = rng.uniform(0, 2 * np.pi, count)
+    c, s = elementary.cos(angle)[:, None], elementary.sin(angle)[:, None]
+    x, y, z = _CORNERS.T
+    return np.stack([c * x - s * y, s * x + c * y, np.broadcast_to(z, (count, 12))], axis=-1)
+
+
+def hedge(
+    length_m: float = 3.0, height_m: float = 1.3, width_m: float = 0.6, seed: int = 0, detail: str = "high"
+) -> Mesh:
+    """Clipped hedge along +x from the origin."""
+    rng = stream(seed, "hedge")
+    core = Look(Material.LEAF, Tag.VEGETATION, (86, 122, 99))
+    low_m = height_m - 0.06
+    inner = box(core, (length_m - 0.04, width_m - 0.10, low_m), (0.5 * length_m, 0.0, 0.5 * low_m))
+    size = 0.13 if detail == "high" else 0.24
+    area = (1.0 if detail == "high" else 0.7) * (2 * length_m * height_m + length_m * width_m)
+    count = int(area / (0.43 * size**2))
+    side = rng.uniform(0, 1, count)
+    share = 2 * height_m / (2 * height_m + width_m)
+    on_side = side < share
+    y = np.where(on_side, np.where(side < 0.5 * share, -0.5, 0.5), rng.uniform(-0.5, 0.5, count))
+    y = y * (width_m - 0.06)
+    z = np.where(on_side, rng.uniform(0.06, 1, count), 1.0) * (height_m - 0.05)
+    x = rng.uniform(0.0, length_m, count)
+    points = np.stack([x, y, z], -1) + rng.normal(0, 0.02, (count, 3))
+    out = np.stack([np.zeros(count), np.where(on_side, np.sign(y), 0.0), np.where(on_side, 0.2, 1.0)], -1)
+    return merge([inner, leaf_triangles(rng, points, out, np.full(count, size), (200, 215, 180))])
+
+
+def shrub(seed: int = 0, detail: str = "high", tint: LeafTint = (215, 225, 190)) -> Mesh:
+    """Round shrub of about 1.2 m."""
+    rng = stream(seed, "shrub")
+    radius, height = rng.uniform(0.5, 0.75), rng.uniform(0.9, 1.4)
+    high = detail == "high"
+    around = directions(rng, 7)
+    centres = around * np.array([0.55, 0.55, 0.25]) * radius + (0.0, 0.0, 0.5 * height)
+    centres[:, 2] += np.linspace(-0.1, 0.2, 7) * height
+    size = 0.6 * radius
+    used = centres if high else centres[::3]
+    radii = np.full(len(used), size if high else 1.15 * size)
+    middle = np.array([0.0, 0.0, 0.35 * height])
+    body = clumps(rng, used, radii, middle, tint, squash=0.85)
+    count, edge = (220, 0.15) if high else (56, 0.28)
+    out = directions(rng, count)
+    out[:, 2] = np.abs(out[:, 2])
+    points = out * np.array([radius, radius, 0.62 * height]) * rng.uniform(0.85, 1.15, (count, 1))
+    leaves = leaf_triangles(rng, points + middle, out, np.full(count, edge), tint)
+    if not high:
+        return merge([body, leaves])
+    bark = Look(Material.BARK, Tag.VEGETATION)
+    ends = np.insert(0.4 * radius * circle(5), 2, 0.6 * height, axis=1)
+    return merge([*(tube(bark, [(0, 0, 0), end], [0.03, 0.01], 4) for end in ends), body, leaves])
+
+
+def tufts(
+    seed: int,
+    count: int,
+    radius_m: float,
+    height_m: float,
+    tint: LeafTint,
+    *,
+    blade_m: float = 0.04,
+    spread: float = 0.35,
+) -> Mesh:
+    """Long grass or weeds: blades of one triangle each in a round patch, normals up like the ground's."""
+    rng = stream(seed, "tufts")
+    turn, reach = rng.uniform(0, 2 * np.pi, count), radius_m * np.sqrt(rng.uniform(0, 1, count))
+    x, y = reach * elementary.cos(turn), reach * elementary.sin(turn)
+    foot = np.stack([x, y, np.full(count, -0.05)], axis=-1)
+    yaw = rng.uniform(0, 2 * np.pi, count)
+    side = 0.5 * blade_m * np.stack([elementary.cos(yaw), elementary.sin(yaw), np.zeros(count)], axis=-1)
+    high = height_m * rng.uniform(0.55, 1.0, count)
+    lean = spread * high[:, None] * rng.normal(0, 1, (count, 2))
+    tip = foot + np.concatenate([lean, high[:, None] + 0.05], axis=-1)
+    vertices = np.stack([foot - side, foot + side, tip], axis=1)
+    normals = np.stack([lean[:, 0] / high, lean[:, 1] / high, np.ones(count)], axis=-1)
+    normals /= np.sqrt(np.sum(normals * normals, axis=-1, keepdims=True))
+    light = rng.uniform(0.7, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.07, (count, 3)), 0.8, 1.2)
+    return separate_leaves(vertices, rng.uniform(0, 1, (3 * count, 2)), leaf_colours(tint, light), normals)
+
+
+def stalks(seed: int, height_m: float, tint: Colour) -> Mesh:
+    """A handful of cereal stalks."""
+    return tufts(seed, 14, 0.42, height_m, tint, blade_m=0.06, spread=0.16)
+
+
+def maize(seed: int, tint: Colour) -> Mesh:
+    """A maize plant, 2.2 m high: a stem and arching leaves of two triangles each."""
+    rng = stream(seed, "maize")
+    leaves = 8
+    yaw = np.pi * np.arange(leaves) + rng.normal(0.0, 0.5, leaves)
+    z = np.linspace(0.35, 1.75, leaves)
+    reach = 0.55 * (1.0 - 0.45 * (z / 2.0 - 0.4) ** 2) * rng.uniform(0.8, 1.15, leaves)
+    out = np.stack([elementary.cos(yaw), elementary.sin(yaw), np.zeros(leaves)], axis=-1)
+    side = 0.06 * np.stack([-elementary.sin(yaw), elementary.cos(yaw), np.zeros(leaves)], axis=-1)
+    base = np.column_stack([np.zeros((leaves, 2)), z])
+    bend = base + out * 0.5 * reach[:, None] + [0.0, 0.0, 0.34]
+    tip = base + out * reach[:, None] + [0.0, 0.0, 0.02]
+    upper = np.stack([bend - side, bend + side, tip], axis=1)
+    lower = np.stack([base, bend + side, bend - side], axis=1)
+    stem = [[(-0.03, 0, 0), (0.03, 0, 0), (0, 0, 2.15)], [(0, -0.03, 0), (0, 0.03, 0), (0, 0, 2.15)]]
+    corners = np.concatenate([lower, upper, stem])
+    count = len(corners)
+    colour = leaf_colours(tint, rng.uniform(0.7, 1.0, (count, 1)))
+    return separate_leaves(
+        corners, rng.uniform(0, 1, (3 * count, 2)), colour, np.tile([0.0, 0.0, 1.0], (count, 1))
+    )
+
+
+def bale() -> Mesh:
+    """Round bale of hay, 1.5 m across and 1.2 m long, lying along y."""
+    straw = Look(Material.CROP, Tag.DYNAMIC, (255, 225, 150))
+    body = lathe(straw, [(0.70, -0.6), (0.75, -0.5), (0.75, 0.5), (0.70, 0.6)], 14)
+    turned = body.vertices_m[:, [0, 2, 1]].astype(np.float64) * np.array([1.0, -1.0, 1.0]) + [0.0, 0.0, 0.72]
+    normals = body.normals[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0], np.float32)
+    return straw.mesh(turned, body.triangles, body.uv_m, normals)
+
+
+def fence_panel() -> Mesh:
+    """Post and two rails of 3 m along +x from the origin, 1.15 m high."""
+    wood = Look(Material.WOOD, Tag.FENCE, (225, 220, 210))
+    parts = [box(wood, (0.12, 0.12, 1.3), (0.0, 0.0, 0.55))]
+    for z in (0.45, 0.95):
+        parts.append(box(wood, (3.0, 0.05, 0.11), (1.5, 0.07, z)))
+    return merge(parts)
+
+
+def picket_panel(length_m: float) -> Mesh:
+    """White pickets along +x from the origin, 0.95 m high."""
+    paint = Look(Material.SIDING, Tag.FENCE, (255, 255, 250))
+    parts = [box(paint, (length_m, 0.03, 0.07), (0.5 * length_m, -0.025, z)) for z in (0.25, 0.7)]
+    parts.append(box(paint, (0.10, 0.10, 1.05), (0.0, -0.03, 0.5)))
+    for x in np.arange(0.14, length_m - 0.05, 0.16):
+        parts.append(placed(box(paint, (0.085, 0.02, 0.86)), (x, 0.0, 0.5)))
+    return merge(parts)

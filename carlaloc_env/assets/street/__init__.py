@@ -1,1 +1,0 @@
-"""Models of what stands on streets: furniture, lights, signs."""
