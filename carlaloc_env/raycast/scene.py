@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.actors.articulation import steered_mesh
-from carlaloc_env.actors.ray_models import ray_models, ray_postures
+from carlaloc_env.actors.instances import ray_models, ray_postures
 from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.raycast.culling import Cylinders, candidates
