@@ -11,31 +11,29 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
+from carlaloc_env.render.geometry.gbuffer import CameraView, GBuffer, Targets
 from carlaloc_env.render.geometry.geometry_pass import Casters
-from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.geometry.static_scene import StaticScene
-from carlaloc_env.render.gl.context import Programs, set_uniforms
-from carlaloc_env.render.lighting.ambient_occlusion import Roofs
+from carlaloc_env.render.gl_context import Programs, set_uniforms
 from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, Lights
-from carlaloc_env.render.lighting.light_tiles.screen_tiles import DepthRange
+from carlaloc_env.render.lighting.light_tiles import DepthRange
 from carlaloc_env.render.lighting.night_lighting import Night
-from carlaloc_env.render.lighting.shading_passes import Cover, ShadingPasses
+from carlaloc_env.render.lighting.shading_passes import Cover, Mirror, ShadingPasses
 from carlaloc_env.render.lighting.shadow_maps import Shadows
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, exposure_time_s
-from carlaloc_env.render.lighting.sky_textures import Skies
 from carlaloc_env.render.lighting.uniforms import (
     MIRROR,
+    Roofs,
     Scene,
+    Skies,
     bind_light,
     light_values,
     set_gbuffer_uniforms,
     set_shadow_uniforms,
     set_view_uniforms,
 )
-from carlaloc_env.render.lighting.wet_reflections import Mirror
-from carlaloc_env.render.precipitation.rain_drops import Streaks, lit, rain_streaks
-from carlaloc_env.render.precipitation.software.rain_layer import RainLayer
+from carlaloc_env.render.rain_drops import Streaks, lit, rain_streaks
+from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
 

@@ -20,8 +20,7 @@ from shared_fixtures.worlds.render_scenes import (
 )
 
 from carlaloc_env.core import transforms
-from carlaloc_env.render.lighting import night_lighting as night
-from carlaloc_env.render.lighting.light_tiles import tiled_lights
+from carlaloc_env.render.lighting import night_lighting
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, sky_light
 from carlaloc_env.render.qualities import QUALITIES
 from carlaloc_env.scene.materials import Material, Tag
@@ -91,7 +90,7 @@ def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch)
         gbuffer = renderer.draw(CAMERA, FORWARD, EGO)
         sparse = renderer.radiance_cd_m2(gbuffer, night) * exposure
         shares: list[float] = []
-        search = tiled_lights.keep_lit
+        search = night_lighting.keep_lit
 
         def counting(mask: NDArray[np.bool_], *rest: Any) -> None:
             whole = mask.copy()
@@ -99,11 +98,11 @@ def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch)
             shares.append(np.count_nonzero(mask) / np.count_nonzero(whole))
             mask[:] = whole
 
-        monkeypatch.setattr(tiled_lights, "keep_lit", counting)
+        monkeypatch.setattr(night_lighting, "keep_lit", counting)
         whole = renderer.radiance_cd_m2(gbuffer, night) * exposure
     assert len(shares) == 1
     assert max(shares) < 0.8
-    assert np.abs(sparse - whole).mean() < 0.2 * tiled_lights.LIGHT_CUTOFF
+    assert np.abs(sparse - whole).mean() < 0.2 * night_lighting.LIGHT_CUTOFF
     # The noise of reading the darkest pixel hides the rest, but for some pixels of thin posts.
     noise = READ_NOISE_E / electrons(exposure)
     assert np.quantile(np.abs(sparse - whole), 0.9995) < noise
@@ -117,7 +116,7 @@ def test_light_that_the_noise_hides_is_not_missed(monkeypatch: pytest.MonkeyPatc
     with scene(*street(), library=ego_plate(), lamps_m=lamps_m) as renderer:
         gbuffer = renderer.draw(CAMERA, FORWARD, EGO)
         sparse = renderer.shade(gbuffer, weather).astype(float)
-        monkeypatch.setattr(night, "UNSEEN_NOISE", 0.0)
+        monkeypatch.setattr(night_lighting, "UNSEEN_NOISE", 0.0)
         whole = renderer.shade(gbuffer, weather).astype(float)
         again = renderer.shade(gbuffer, weather, seed=1).astype(float)
     missed, noise = (np.sqrt(np.mean((picture - whole) ** 2)) for picture in (sparse, again))

@@ -11,7 +11,7 @@ from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_o
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.render.geometry.level_of_detail import coarse
 from carlaloc_env.render.geometry.packed_meshes import lit_windows
-from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.gl_context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances, Mesh, make_mesh, merge

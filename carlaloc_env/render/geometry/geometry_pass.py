@@ -10,18 +10,25 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.files.array_cache import give_back_mapped_pages
-from carlaloc_env.render.geometry.culling.occlusion_culling import Depths, box_corners
-from carlaloc_env.render.geometry.culling.triangle_culling import TriangleCuller
-from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
-from carlaloc_env.render.geometry.instance_buffer import InstanceBuffer
-from carlaloc_env.render.geometry.level_of_detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
-from carlaloc_env.render.geometry.material_table import block_tables, surface_table, upload_textures
-from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
-from carlaloc_env.render.geometry.packed_meshes import packed_models
-from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
-from carlaloc_env.render.geometry.simple_vehicles import SIMPLE_FROM_M, Distant
+from carlaloc_env.render.geometry.gbuffer import FAR_M, NEAR_M, SKY_ID, CameraView, Targets
+from carlaloc_env.render.geometry.level_of_detail import (
+    FAR,
+    FAR_LOW,
+    FAR_LOW_FOCAL_PX,
+    SIMPLE_FROM_M,
+    Distant,
+)
+from carlaloc_env.render.geometry.mesh_buffers import InstanceBuffer, MeshBuffers
+from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
+from carlaloc_env.render.geometry.packed_meshes import (
+    block_tables,
+    packed_models,
+    surface_table,
+    upload_textures,
+)
 from carlaloc_env.render.geometry.static_scene import LEVEL_FROM, StaticScene, mesh_boxes
-from carlaloc_env.render.gl.context import Programs, is_software, set_uniforms
+from carlaloc_env.render.geometry.triangle_culling import TriangleCuller
+from carlaloc_env.render.gl_context import Programs, is_software, set_uniforms
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import stream
 from carlaloc_env.core.files.array_cache import Arrays, cached
-from carlaloc_env.render.textures.cladding import rubble, sheet_metal, siding, slate
-from carlaloc_env.render.textures.crops import crop, furrows
 from carlaloc_env.render.textures.ground import (
     asphalt,
     concrete,
+    crop,
+    furrows,
     grass,
     gravel,
     kerb,
@@ -27,25 +27,33 @@ from carlaloc_env.render.textures.ground import (
     water,
 )
 from carlaloc_env.render.textures.noise import Layer, levelled, softened
-from carlaloc_env.render.textures.number_plates import number_plates
-from carlaloc_env.render.textures.shop_signs import billboards, shop_signs
+from carlaloc_env.render.textures.shop_signs import billboards, number_plates, shop_signs
 from carlaloc_env.render.textures.signs_and_posters import posters, signs
-from carlaloc_env.render.textures.small_materials import (
+from carlaloc_env.render.textures.walls_and_things import (
+    ashlar,
     bark,
+    brick,
     car_paint,
     cloth,
+    concrete_panel,
+    curtain_wall,
     galvanised,
     glass,
     lamp,
     leaf,
     painted_metal,
     plain,
+    plaster,
     plastic,
+    roof_tile,
     rubber,
+    rubble,
+    sheet_metal,
+    siding,
     skin,
+    slate,
     wood,
 )
-from carlaloc_env.render.textures.walls import ashlar, brick, concrete_panel, curtain_wall, plaster, roof_tile
 from carlaloc_env.render.textures.windows_and_doors import (
     doors,
     more_shop_fronts,

@@ -1,16 +1,70 @@
-"""Textures of roads, pavements, earth and water."""
+"""Textures of roads, pavements, earth, water and crops, and the blocks that pavements are laid of.
+
+Textures of roads, pavements, earth and water.
+
+Textures of fields: standing crops and ploughed earth, both in rows along u.
+
+Blocks of walls and pavements, by which the shader knows one block from the next.
+
+A texture repeats after its tile; the shader gives each block of a front a tone of its own, and lays any of
+the texture's panels or boards in each place.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.render.textures.block_patterns import BLOCK_PATTERNS
-from carlaloc_env.render.textures.noise import Field, Layer, blocks, fbm, layer, per_cell, smoothstep, worley
+from carlaloc_env.render.textures.noise import (
+    Field,
+    Layer,
+    blocks,
+    coordinates,
+    fbm,
+    layer,
+    per_cell,
+    smoothstep,
+    worley,
+)
 from carlaloc_env.scene.materials import MATERIALS, Material
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockPattern:
+    """Bricks, stones, slabs, panels or boards of one material."""
+
+    columns: int
+    """Blocks along a tile of the texture."""
+    rows: int
+    """Courses up a tile."""
+    offset: float
+    """How far each course begins after the one below, as a share of a block."""
+    tone_range: float
+    """Range of the blocks' tones, as a share of their mean."""
+    cycles_per_m: float
+    """Frequency of the blocks, from which their tones fade before they alias [1/m]."""
+    shuffled: bool = False
+    """Whether the shader lays any of the texture's blocks in each place. Such a texture has its blocks
+    straight above each other; the shader sets the courses off."""
+
+
+BLOCK_PATTERNS: dict[Material, BlockPattern] = {
+    Material.ASHLAR: BlockPattern(columns=6, rows=12, offset=0.5, tone_range=0.18, cycles_per_m=1.7),
+    Material.BRICK_BROWN: BlockPattern(columns=12, rows=34, offset=0.5, tone_range=0.30, cycles_per_m=4.7),
+    Material.BRICK_RED: BlockPattern(columns=12, rows=34, offset=0.5, tone_range=0.30, cycles_per_m=4.7),
+    Material.CONCRETE_PANEL: BlockPattern(
+        columns=2, rows=4, offset=0.0, tone_range=0.14, cycles_per_m=0.7, shuffled=True
+    ),
+    Material.PAVEMENT: BlockPattern(columns=4, rows=6, offset=0.5, tone_range=0.12, cycles_per_m=1.4),
+    Material.SIDING: BlockPattern(
+        columns=1, rows=16, offset=0.37, tone_range=0.10, cycles_per_m=6.7, shuffled=True
+    ),
+}
+"""Materials that are laid of equal blocks."""
 
 
 def asphalt(
@@ -195,3 +249,36 @@ def lines_that_wrap(
             a, b = np.round(start[k] + shift).astype(int), np.round(end[k] + shift).astype(int)
             cv2.line(canvas, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), float(value[k]), 1)
     return canvas[margin : margin + size, margin : margin + size]
+
+
+def crop(rng: np.random.Generator, size: int) -> Layer:
+    """A pale stand of plants seen from above, in rows along u; fields tint it."""
+    log = 0.22 * _stalks(rng, size, 7000) + 0.16 * fbm(rng, size, 0.12, 0.006, 0.85, (6.0, 1.0))
+    log += 0.10 * fbm(rng, size, 0.6, 0.05, 0.7)
+    _, v = coordinates(size)
+    rows = 0.16 * np.cos(2 * np.pi * 20 * v) + np.zeros((size, size), np.float32)
+    hue = 0.10 * fbm(rng, size, 0.3, 0.02)
+    return layer((0.43, 0.40, 0.28), log + rows, 0.9, hue)
+
+
+def furrows(rng: np.random.Generator, size: int) -> Layer:
+    """Ploughed earth: furrows of a third of a metre along u, clods and straw."""
+    _, v = coordinates(size)
+    bend = 0.012 * fbm(rng, size, 0.7, 0.1, 0.5)
+    ridge = 0.30 * np.sin(2 * np.pi * (12 * v + 2.0 * bend))
+    clods, crumbs = worley(rng, size, 30, 40), worley(rng, size, 90, 110)
+    log = ridge + 0.30 * (0.45 - clods.nearest) + per_cell(rng, clods.owner, 0.12)
+    log += 0.22 * (0.45 - crumbs.nearest) + 0.10 * fbm(rng, size, 0.5, 0.04)
+    log += 0.30 * np.maximum(_stalks(rng, size, 260), 0.0)
+    return layer((0.150, 0.108, 0.072), log, 0.95, 0.05 * fbm(rng, size, 0.3, 0.03))
+
+
+def _stalks(rng: np.random.Generator, size: int, count: int) -> Field:
+    """Short strokes, most of them along u, that wrap over the border."""
+    centre = rng.random((count, 2)) * size
+    angle = rng.normal(0.0, 0.5, count)
+    half = rng.uniform(0.006, 0.016, count) * size
+    value = rng.normal(0.0, 1.1, count)
+    step = half[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    copies = [(du, dv) for du in (-size, 0, size) for dv in (-size, 0, size)]
+    return lines_that_wrap(size, centre, step, value, copies)

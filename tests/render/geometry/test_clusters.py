@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.render.geometry.clusters import CLUSTER_TRIANGLES, SIZES_M, cut, in_order
+from carlaloc_env.render.geometry.level_of_detail import CLUSTER_TRIANGLES, SIZES_M, cut, in_order
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.render.geometry.equal_vertices import without_doubles
+from carlaloc_env.render.geometry.packed_meshes import without_doubles
 
 ROW = np.dtype([("position", "<f4", 3), ("id", "<u4")])
 

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 LEARN = """
-from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.gl_context import create_context
 create_context()
 import torch
 torch.optim.Adam(torch.nn.Linear(2, 2).parameters())

@@ -24,7 +24,7 @@ from shared_fixtures.worlds.render_scenes import (
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.gl.context import glsl
+from carlaloc_env.render.gl_context import glsl
 from carlaloc_env.render.lighting.light_sources import (
     BEAM_RANGE_M,
     EGO_HEADLAMPS_M,
@@ -33,8 +33,8 @@ from carlaloc_env.render.lighting.light_sources import (
     range_window,
     street_lamps,
 )
-from carlaloc_env.render.lighting.low_beam import low_beam_cd
-from carlaloc_env.render.lighting.shader_constants import shader_constants
+from carlaloc_env.render.lighting.light_table import low_beam_cd
+from carlaloc_env.render.lighting.shading_passes import shader_constants
 from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.assets.texture_atlas import BILLBOARDS, SHOP_NAMES
-from carlaloc_env.render.textures.canvas import Canvas
-from carlaloc_env.render.textures.typeface import FACES, face
+from carlaloc_env.render.textures.canvas import FACES, Canvas, face
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 

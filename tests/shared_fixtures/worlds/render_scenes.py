@@ -10,7 +10,7 @@ from shared_fixtures.worlds.plain_albedo import plain_albedo
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.gl_context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32, Array
 from carlaloc_env.core.jit import compiled, inlined
-from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
-from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
+from carlaloc_env.render.geometry.gbuffer import NEAR_M, CameraView
+from carlaloc_env.render.geometry.occlusion_culling import Depths
 
 SNAP_PX = 0.03
 """How far a corner may lie from where it is computed here, since drivers snap to fractions of a pixel."""
