@@ -15,12 +15,10 @@ from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.clock import STEP_NS, TICK_S
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.sensors.camera.camera import CameraSensor
-from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
 from carlaloc_env.sensors.event_camera.event_camera import EventCamera
-from carlaloc_env.sensors.event_camera.log_intensity import log_intensity
-from carlaloc_env.sensors.imaging.frame import Optics
-from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
+from carlaloc_env.sensors.event_camera.pixels import log_intensity
+from carlaloc_env.sensors.imaging.frame import FrameGeometry, Optics
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 from carlaloc_env.town.town import Town

@@ -29,8 +29,7 @@ from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample, SampleList
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
-from carlaloc_env.sensors.ground_truth.objects import objects_at
+from carlaloc_env.sensors.ground_truth import objects_at, truth_at
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.config import TrafficConfig, traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 
 from carlaloc_env.core.camera_model import Lens
-from carlaloc_env.sensors.imaging.imager import ImagerConfig
-from carlaloc_env.sensors.imaging.shutter_config import ShutterConfig
+from carlaloc_env.sensors.imaging.imager import ImagerConfig, ShutterConfig
 
 SNR_MAX_DB, DYNAMIC_RANGE_DB, ADC_BITS, PIXEL_UM = 40.2, 71.4, 12, 3.45
 """Figures of the data sheet."""

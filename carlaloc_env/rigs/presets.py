@@ -15,14 +15,12 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.rigs.industrial_camera import industrial_imager, industrial_shutter, wide_angle_lens
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.gnss.gnss import GnssConfig
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
-from carlaloc_env.sensors.radar.config import RadarConfig
-from carlaloc_env.sensors.vehicle.can import CanConfig
-from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
-from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.gnss import GnssConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.radar import RadarConfig
+from carlaloc_env.sensors.vehicle import CanConfig, SpeedConfig, WheelsConfig
 
 IMU_X_M = 1.5
 """The IMU, the paper's origin, ahead of the rear axle [m]."""

@@ -16,8 +16,7 @@ from carlaloc_env.core.errors import ConfigError, check_name, unknown_name
 from carlaloc_env.core.files.config_files import from_mapping, read_text, to_mapping
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.samples import Sample
-from carlaloc_env.sensors.base import Sensor, SensorConfig, World
-from carlaloc_env.sensors.limits import SENSORS_MAX
+from carlaloc_env.sensors.base import SENSORS_MAX, Sensor, SensorConfig, World
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.timeline.timeline import Timeline
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from carlaloc_env.sensors.base import SensorConfig
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.gnss.gnss import GnssConfig
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
-from carlaloc_env.sensors.radar.config import RadarConfig
-from carlaloc_env.sensors.vehicle.can import CanConfig
-from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
-from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.gnss import GnssConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.radar import RadarConfig
+from carlaloc_env.sensors.vehicle import CanConfig, SpeedConfig, WheelsConfig
 
 SENSOR_KINDS: dict[str, type[SensorConfig]] = {
     "camera": CameraConfig,

@@ -11,7 +11,7 @@ from gymnasium import spaces
 
 from carlaloc_env import Sample, Sensor, SensorConfig, Timeline
 from carlaloc_env.sensors.base import World
-from carlaloc_env.sensors.inertial.stochastic_processes import white
+from carlaloc_env.sensors.stochastic_processes import white
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -6,9 +6,9 @@ from typing import Any, cast
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 
 
 def lidar_of(rig: SensorRig) -> LidarConfig:

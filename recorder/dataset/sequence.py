@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.scene.materials import DYNAMIC_TAGS
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from recorder.dataset.folder_readings import FolderReadings
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription

@@ -13,7 +13,7 @@ from carlaloc_env.core.array_types import U8, Array, Mask
 from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.raycast.surface import import_open3d
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.map_truth.views import REACHED_M, field_of
 

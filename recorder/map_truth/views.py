@@ -10,8 +10,8 @@ import numpy as np
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array, Index, Mask
 from carlaloc_env.raycast.scene import RayScene
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog
 
 REACHED_M = 0.05

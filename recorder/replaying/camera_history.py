@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from carlaloc_env.core.clock import STEP_NS, TICK_NS, Schedule, stamp_ns
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.sensors.camera import CameraConfig
 
 
 def first_pictures_ns(

@@ -18,9 +18,8 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Camera
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
-from carlaloc_env.sensors.ground_truth.objects import objects_at
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.ground_truth import objects_at, truth_at
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.without_movables import without_movables
 from recorder.episode.episode import Episode

@@ -17,8 +17,8 @@ from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.sources import TownId
 from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats

@@ -14,7 +14,7 @@ from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
+from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.checksums import write_checksums
 from recorder.dataset.layout import FILM, FORMATS, SEG_BAG, DriveFolder, SequenceFolder

@@ -12,7 +12,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.report.mosaic import (

@@ -18,7 +18,7 @@ from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Image, Imu, PointCloud, SemanticImage
 from carlaloc_env.sensors.base import SensorConfig
-from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
+from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.mover_masks import mask_of
 from recorder.dataset.readings import ImuSample, StereoPair

@@ -11,10 +11,10 @@ from carlaloc_env.envs.observation import Observer, values_of
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.gnss.gnss import GnssConfig
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
-from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
+from carlaloc_env.sensors.gnss import GnssConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.vehicle import SpeedConfig
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 STEP = 50_000_000

@@ -15,8 +15,8 @@ from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from recorder.map_truth.views import field_of, look, seen_shares
 from recorder.places.baselines import Vlad, closure_similarity, local_maps
 from recorder.places.pairs import Frames, Pairs, find_pairs, frames_along

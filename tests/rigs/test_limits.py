@@ -16,11 +16,11 @@ from carlaloc_env.rigs import memory
 from carlaloc_env.rigs.memory import available_bytes, check_memory, estimated_bytes
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
-from carlaloc_env.sensors.limits import LIMITS, SENSORS_MAX
+from carlaloc_env.sensors.base import LIMITS, SENSORS_MAX
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
-from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
+from carlaloc_env.sensors.vehicle import SpeedConfig
 
 CASES = [(kind, name) for kind, table in LIMITS.items() for name in table if name != "rays"]
 

@@ -11,11 +11,11 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.gnss.gnss import GnssConfig
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.sensors.gnss import GnssConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
-from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
+from carlaloc_env.sensors.vehicle import SpeedConfig
 
 
 @pytest.mark.parametrize("name", sorted(RIGS))

@@ -19,14 +19,12 @@ from carlaloc_env.envs.observation import Observer
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Mount, SensorConfig
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.gnss.gnss import GnssConfig
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.config import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
-from carlaloc_env.sensors.radar.config import RadarConfig
-from carlaloc_env.sensors.vehicle.can import CanConfig
-from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
-from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.gnss import GnssConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
+from carlaloc_env.sensors.radar import RadarConfig
+from carlaloc_env.sensors.vehicle import CanConfig, SpeedConfig, WheelsConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 

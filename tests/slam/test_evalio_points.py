@@ -10,7 +10,7 @@ import pytest
 from shared_fixtures.readings.slam_dataset import COLUMNS, ELEVATIONS_DEG, pose, sweep, write_dataset
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.sensors.inertial.imu import ImuConfig
+from carlaloc_env.sensors.imu import ImuConfig
 from recorder.dataset.readings import ImuSample
 from recorder.dataset.sequence import SlamSequence
 from recorder.slam.runners.evalio import lidar_measurement, loam

@@ -15,8 +15,8 @@ from shared_fixtures.worlds.closed_room import EPOCH_S, SWEEP_S, late_s, write_r
 from carlaloc_env.core.transforms import matrix_to_quat
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory import Trajectory
 from recorder.slam.system import FrameClock

@@ -23,9 +23,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import F32, I32, U32
 from carlaloc_env.core.jit import compiled, inlined, over_bands
 from carlaloc_env.sensors.event_camera.motion_sampling import new_track, sample_signal
-from carlaloc_env.sensors.event_camera.pixels import NEVER_US, NoiseEvents, PixelState, Thresholds
-from carlaloc_env.sensors.event_camera.readout import by_time
-from carlaloc_env.sensors.event_camera.tile_ranges import tile_ranges
+from carlaloc_env.sensors.event_camera.pixels import NEVER_US, NoiseEvents, PixelState, Thresholds, by_time
 from carlaloc_env.sensors.event_camera.tile_survey import (
     CHUNK,
     ONE,
@@ -35,8 +33,9 @@ from carlaloc_env.sensors.event_camera.tile_survey import (
     Tile,
     new_notes,
     survey,
+    tile_ranges,
 )
-from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
+from carlaloc_env.sensors.imaging.frame import FrameMotion
 from carlaloc_env.sensors.imaging.motion_field import TILE_PX
 
 ROOM = 16

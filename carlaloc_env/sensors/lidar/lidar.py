@@ -19,13 +19,11 @@ from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.scene.materials import tags_in
 from carlaloc_env.sensors.base import Sensor, World
-from carlaloc_env.sensors.inertial.stochastic_processes import white
-from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at
-from carlaloc_env.sensors.lidar.config import OUTPUTS, LidarConfig
+from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at, spray_ranges
 from carlaloc_env.sensors.lidar.intensity import EchoModel
 from carlaloc_env.sensors.lidar.kernels import ScanHits, empty_points, points_of
-from carlaloc_env.sensors.lidar.road_spray import spray_ranges
-from carlaloc_env.sensors.lidar.scan_pattern import ScanPattern
+from carlaloc_env.sensors.lidar.scan_pattern import OUTPUTS, LidarConfig, ScanPattern
+from carlaloc_env.sensors.stochastic_processes import white
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WeatherParameters
 

@@ -1,26 +1,75 @@
-"""Scan pattern of a LiDAR: directions and times of the rays of one revolution, and their hits."""
+"""Settings of LiDARs, and the directions and times of their rays.
+
+Scan pattern of a LiDAR: directions and times of the rays of one revolution, and their hits.
+
+Configuration of spinning LiDARs, and the beams of those that have a name.
+
+Beam divergence: several rays per beam, and the echo that their energies make.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import F32, Array, Index
+from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.raycast import Hits
-from carlaloc_env.sensors.base import World
-from carlaloc_env.sensors.lidar.beam_divergence import sub_rays, weigh
+from carlaloc_env.scene.materials import TAG_TABLES
+from carlaloc_env.sensors.base import Mount, SensorConfig, World
 from carlaloc_env.sensors.lidar.kernels import ColumnMotion, PatternRays, aim
 from carlaloc_env.timeline.timeline import Timeline
 
-if TYPE_CHECKING:
-    from carlaloc_env.sensors.lidar.config import LidarConfig
+PULSE_LENGTH_M = 0.6
+"""Surfaces nearer to each other than this give one echo between them [m]."""
+_RING = 0.35
+"""Where the rays around the middle lie, in beam widths: the radius that halves the beam's energy."""
+
+
+def sub_rays(directions: Array, divergence_rad: float) -> Iterator[Array]:
+    """Unit directions of four rays around each of N, a beam of full width `divergence_rad`, each (N, 3)."""
+    flat = np.stack([-directions[:, 1], directions[:, 0], np.zeros(len(directions))], axis=-1)
+    size = np.sqrt(np.sum(flat * flat, axis=-1))[:, None]
+    sideways = np.where(size > 1e-9, flat / np.maximum(size, 1e-9), np.array([0.0, 1.0, 0.0]))
+    above = transforms.cross(directions, sideways)
+    for right, up in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        moved = directions + _RING * divergence_rad * (right * sideways + up * above)
+        yield moved / np.sqrt(np.sum(moved * moved, axis=-1))[:, None]
+
+
+def weigh(beams: list[Hits], power: Callable[[Hits], Array]) -> Hits:
+    """One hit per beam out of its rays: the strongest group of surfaces, at its energy's middle.
+
+    Args:
+        beams: Hits of S rays of each of N beams, the middle ray first.
+        power: ρ·cosθ of hits; echoes fall with R⁻² beyond it.
+    """
+    ranges = np.stack([hits.range_m.astype(np.float64) for hits in beams])
+    met = np.isfinite(ranges)
+    safe = np.where(met, ranges, 1.0)
+    energy = np.where(met, np.stack([power(hits) for hits in beams]) / (safe * safe), 0.0)
+    total, middle = np.zeros_like(ranges), np.zeros_like(ranges)
+    for k in range(len(beams)):
+        near = met & met[k] & (np.abs(ranges - safe[k]) < PULSE_LENGTH_M)
+        group = np.where(near, energy, 0.0)
+        total[k] = np.sum(group, axis=0)
+        middle[k] = np.sum(group * safe, axis=0) / np.where(total[k] > 0, total[k], 1.0)
+    # The middle ray decides between equals, and where nothing reflects at all.
+    best = np.argmax(np.where(met, total * (1 + 1e-9 * (np.arange(len(beams)) == 0)[:, None]), -1.0), axis=0)
+    result = Hits.none(len(best))
+    for k, hits in enumerate(beams):
+        rows = np.flatnonzero((best == k) & met[k])
+        result.put(rows, hits.take(rows))
+        result.range_m[rows] = np.where(total[k, rows] > 0, middle[k, rows], ranges[k, rows])
+    return result
 
 
 class ScanPattern:
@@ -121,3 +170,119 @@ class ScanPattern:
         up = np.broadcast_to(elementary.sin(elevation), azimuth.shape)
         along: Array = np.stack([flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), up], axis=-1)
         return along.reshape(-1, 3)
+
+
+PAPER_ELEVATIONS_DEG: tuple[float, ...] = tuple(round(-30.0 + 40.0 * i / 31, 9) for i in range(32))
+"""32 beams evenly from −30° to +10°, as CARLA's LiDAR spaces them [deg]."""
+
+
+HDL32E_ELEVATIONS_DEG: tuple[float, ...] = (
+    -30.67, -29.33, -28.0, -26.67, -25.33, -24.0, -22.67, -21.33, -20.0, -18.67, -17.33, -16.0, -14.67,
+    -13.33, -12.0, -10.67, -9.33, -8.0, -6.67, -5.33, -4.0, -2.67, -1.33, 0.0, 1.33, 2.67, 4.0, 5.33,
+    6.67, 8.0, 9.33, 10.67,
+)  # fmt: skip
+"""Beams of the Velodyne HDL-32E [deg]; user manual, page 13."""
+
+
+HDL32E_FIRING_NS: tuple[int, ...] = tuple(1152 * (2 * r if r < 16 else 2 * (r - 16) + 1) for r in range(32))
+"""When each beam of the HDL-32E fires in its 46.08 µs cycle [ns]: lower and upper bank alternate."""
+OUTPUTS = ("cloud", "semantic")
+"""Streams that a LiDAR can give."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LidarConfig(SensorConfig):
+    """A spinning LiDAR; the defaults are the CARLA-Loc paper's.
+
+    ``preset: hdl32e`` has the angles, firing order and timing of the Velodyne HDL-32E, its elevations
+    0.02° higher so that none lies on the edge of A-LOAM's ring bins.
+    """
+
+    kind: ClassVar[str] = "lidar"
+    sensor: ClassVar[str] = "carlaloc_env.sensors.lidar.lidar:LidarSensor"
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "paper": {},
+        "hdl32e": {
+            "elevations_deg": HDL32E_ELEVATIONS_DEG,
+            "elevation_offset_deg": 0.02,
+            "firing_ns": HDL32E_FIRING_NS,
+            "columns": 1085,
+        },
+    }
+
+    name: str = "lidar"
+    """Name of the sensor, its first stream and its frame."""
+    mount: Mount = field(default_factory=Mount)
+    """Where it sits on the car."""
+    rate_hz: float = 20.0
+    """Revolutions per second [Hz]."""
+    elevations_deg: tuple[float, ...] = PAPER_ELEVATIONS_DEG
+    """Elevation of each beam, lowest first [deg]."""
+    elevation_offset_deg: float = 0.0
+    """Added to every elevation [deg]; +0.02 keeps A-LOAM's ring formula off its bin edges."""
+    firing_ns: tuple[int, ...] = ()
+    """When each beam fires after its column began [ns]; none = all at once."""
+    columns: int = 2078
+    """Firings of all beams in one revolution."""
+    range_min_m: float = 1.0
+    """Nearest return [m]."""
+    range_max_m: float = 120.0
+    """Farthest return [m]."""
+    range_noise_m: float = 0.02
+    """Standard deviation along the ray [m]."""
+    attenuation_per_m: float = 0.004
+    """Loss of intensity over distance, exp(−a·R) [1/m]; CARLA's default."""
+    drop_weak: bool = False
+    """Whether surfaces too dark for their distance give no return."""
+    sectors: int = 0
+    """Parts of a revolution, each measured at one instant, 10 = CARLA at 200 Hz; 0: one time per column."""
+    divergence_mrad: float = 0.0
+    """Width of the beam [mrad]; above 0 five rays per beam are weighed, which mixes near edges."""
+    dropoff_general: float = 0.0
+    """Fraction of points lost at random, as CARLA's, 0.45 = its default."""
+    dropoff_intensity_limit: float = 0.8
+    """Intensity exp(−a·R) above which no point is lost for weakness, 1 = at the sensor."""
+    dropoff_zero_intensity: float = 0.0
+    """Fraction of points of no intensity that are lost, as CARLA's, 0.4 = its default."""
+    weather: bool = False
+    """Whether fog, rain, spray and wet ground have effect; weak returns are dropped then."""
+    ego_returns: bool = False
+    """Whether hits on the ego's own body are reported; they always throw a shadow."""
+    outputs: tuple[str, ...] = OUTPUTS
+    """Streams: ``cloud`` (named as the sensor) and ``semantic`` (with ``_semantic`` behind)."""
+    tag_table: str = TAG_TABLES[0]
+    """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
+
+    def __post_init__(self) -> None:
+        SensorConfig.__post_init__(self)
+        what = f"LiDAR '{self.name}'"
+        if self.tag_table not in TAG_TABLES:
+            raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
+        if not self.elevations_deg or any(abs(e) > 90 for e in self.elevations_deg):
+            raise ConfigError(f"{what}: elevations_deg needs angles from −90 to 90")
+        if list(self.elevations_deg) != sorted(self.elevations_deg):
+            raise ConfigError(f"{what}: list elevations_deg from the lowest to the highest")
+        if self.firing_ns and len(self.firing_ns) != len(self.elevations_deg):
+            raise ConfigError(f"{what}: {len(self.firing_ns)} firing_ns for {len(self.elevations_deg)} beams")
+        column_ns = 1e9 / (self.rate_hz * max(self.columns, 1))
+        if self.firing_ns and not 0 <= min(self.firing_ns) <= max(self.firing_ns) < column_ns:
+            raise ConfigError(f"{what}: firing_ns must lie within one column")
+        if self.columns < 1 or not 0 <= self.range_min_m < self.range_max_m or self.range_noise_m < 0:
+            raise ConfigError(f"{what}: needs columns ≥ 1, 0 ≤ range_min_m < range_max_m, range_noise_m ≥ 0")
+        fractions = (self.dropoff_general, self.dropoff_intensity_limit, self.dropoff_zero_intensity)
+        if not all(0.0 <= fraction <= 1.0 for fraction in fractions) or self.dropoff_intensity_limit == 0.0:
+            raise ConfigError(f"{what}: drop-off figures must lie in 0…1, the intensity limit above 0")
+        if self.sectors < 0 or self.divergence_mrad < 0:
+            raise ConfigError(f"{what}: sectors and divergence_mrad must not be negative")
+        if not self.outputs or set(self.outputs) - set(OUTPUTS):
+            raise ConfigError(f"{what}: outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}")
+
+    @property
+    def sweep_ns(self) -> int:
+        """Length of a revolution [ns]."""
+        return round(1e9 / self.rate_hz)
+
+    @property
+    def rays(self) -> int:
+        """Rays in one revolution, the most points a cloud can have."""
+        return self.columns * len(self.elevations_deg)

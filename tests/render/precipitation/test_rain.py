@@ -28,7 +28,7 @@ from carlaloc_env.render.rain_drops import NEAR_M, SIZES_MM, Streaks, lit, rain_
 from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances
-from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
+from carlaloc_env.sensors.imaging.frame import with_lens_drops
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 need_opengl()

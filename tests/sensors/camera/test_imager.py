@@ -16,13 +16,10 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
-from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.imaging.frame import FrameMotion, passing_surfaces
+from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig, ShutterConfig, exposed, picked
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
-from carlaloc_env.sensors.imaging.occluders import passing_surfaces
-from carlaloc_env.sensors.imaging.shutter import exposed, picked
-from carlaloc_env.sensors.imaging.shutter_config import ShutterConfig
 from carlaloc_env.weather.parameters import PRESETS
 
 STEP_NS = 50_000_000

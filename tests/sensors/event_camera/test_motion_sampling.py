@@ -11,11 +11,17 @@ from shared_fixtures.readings.event_pixels import PINHOLE, plane_motion, run, su
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.sensors.event_camera.motion_sampling import new_track, sample_signal
-from carlaloc_env.sensors.event_camera.tile_ranges import tile_ranges
-from carlaloc_env.sensors.event_camera.tile_survey import CHUNK, Fields, Pictures, Tile, new_notes, survey
-from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
+from carlaloc_env.sensors.event_camera.tile_survey import (
+    CHUNK,
+    Fields,
+    Pictures,
+    Tile,
+    new_notes,
+    survey,
+    tile_ranges,
+)
+from carlaloc_env.sensors.imaging.frame import FrameMotion, passing_surfaces
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
-from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 
 
 def test_moving_edge_fires_at_the_time_it_passes_with_the_sign_of_its_step() -> None:

@@ -11,8 +11,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference, projected_reference
 from carlaloc_env.envs.observation import values_of
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.gnss.constellation import CONSTELLATIONS, dilution
-from carlaloc_env.sensors.gnss.gnss import GnssConfig
+from carlaloc_env.sensors.gnss import CONSTELLATIONS, GnssConfig, dilution
 
 STEP = 200_000_000
 

@@ -14,8 +14,7 @@ from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
-from carlaloc_env.sensors.ground_truth.objects import objects_at
+from carlaloc_env.sensors.ground_truth import objects_at, truth_at
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 lidar = pytest.importorskip("carlaloc_env.sensors.lidar.lidar")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.sensors.imaging.occluders import passing_surfaces
+from carlaloc_env.sensors.imaging.frame import passing_surfaces
 
 
 @pytest.mark.parametrize(("du", "dv"), [(0.3, 0.0), (37.0, 0.0), (-21.5, 13.0), (4.0, -30.0)])

@@ -16,9 +16,9 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.config import LidarConfig
-from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.vehicle import SpeedConfig
 
 
 def test_gravity_reads_upwards_at_rest(scenery: Any) -> None:

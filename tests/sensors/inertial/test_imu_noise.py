@@ -12,8 +12,8 @@ from shared_fixtures.readings.imu_readings import QUIET, read
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.inertial.stochastic_processes import Flicker, GaussMarkov, RandomWalk, WhiteSequence
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.stochastic_processes import Flicker, GaussMarkov, RandomWalk, WhiteSequence
 
 
 def allan_variance(x: Array, strides: list[int]) -> Array:

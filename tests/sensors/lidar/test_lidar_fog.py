@@ -20,7 +20,7 @@ from carlaloc_env.sensors.lidar.atmosphere import (
     FogEcho,
     atmosphere_at,
 )
-from carlaloc_env.sensors.lidar.weather_echoes import SolidEchoes, strongest_echoes
+from carlaloc_env.sensors.lidar.intensity import SolidEchoes, strongest_echoes
 from carlaloc_env.weather.parameters import WeatherParameters
 
 pytest.importorskip("open3d", reason="open3d is not installed")

@@ -14,7 +14,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
+from carlaloc_env.sensors.ground_truth import truth_at
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 

@@ -16,8 +16,7 @@ from carlaloc_env.core.ego import Controls
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.samples import CanState, WheelTicks
-from carlaloc_env.sensors.vehicle.can import CanConfig
-from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig
+from carlaloc_env.sensors.vehicle import CanConfig, WheelsConfig
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 
 WORLD: Any = SimpleNamespace(seed=3)

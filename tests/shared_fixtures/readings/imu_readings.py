@@ -9,7 +9,7 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.samples import Imu, Sample
-from carlaloc_env.sensors.inertial.imu import ImuConfig
+from carlaloc_env.sensors.imu import ImuConfig
 
 QUIET = {
     "accel_noise_density": 0.0,

@@ -220,10 +220,10 @@ def test_reals_are_reals_to_both_parsers(tmp_path: Path, value: float) -> None:
 
 
 def test_rig_from_sensor_configurations() -> None:
-    from carlaloc_env.sensors.camera.config import CameraConfig
-    from carlaloc_env.sensors.gnss.gnss import GnssConfig
-    from carlaloc_env.sensors.inertial.imu import ImuConfig
-    from carlaloc_env.sensors.lidar.config import LidarConfig
+    from carlaloc_env.sensors.camera import CameraConfig
+    from carlaloc_env.sensors.gnss import GnssConfig
+    from carlaloc_env.sensors.imu import ImuConfig
+    from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 
     configs = (
         CameraConfig(name="left", mount=Mount(position_m=(1.8, 0.2, 1.4), axes="optical")),

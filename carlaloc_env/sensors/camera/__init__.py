@@ -1,1 +1,0 @@
-"""The camera: colour, depth, semantics, flow, normals, events."""

@@ -1,1 +1,0 @@
-"""GNSS receivers and the satellites they see."""

@@ -1,1 +1,0 @@
-"""What is true: the ego's state, all objects and their visibility."""

@@ -1,1 +1,0 @@
-"""The IMU: noise and bias."""

@@ -1,1 +1,0 @@
-"""The radar: targets, radar equation, detector, multipath."""

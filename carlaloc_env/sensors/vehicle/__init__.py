@@ -1,1 +1,0 @@
-"""What the car knows of itself: speed, wheels, CAN."""
