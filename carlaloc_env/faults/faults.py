@@ -10,14 +10,8 @@ from typing import Any
 from carlaloc_env.core.clock import TICK_NS, Schedule
 from carlaloc_env.core.errors import ConfigError, is_name, unknown_name
 from carlaloc_env.core.files.config_files import from_mapping
-from carlaloc_env.faults.calibration import PREFIX, MountedFaults
-from carlaloc_env.faults.camera import CameraFaults
-from carlaloc_env.faults.fields import active, quantities
-from carlaloc_env.faults.gnss import GnssFaults
-from carlaloc_env.faults.inertial import ImuFaults
-from carlaloc_env.faults.lidar import LidarFaults
-from carlaloc_env.faults.timing import Draws, TimingFaults
-from carlaloc_env.faults.wheel import WheelFaults
+from carlaloc_env.faults.fields import PREFIX, Draws, MountedFaults, TimingFaults, active, quantities
+from carlaloc_env.faults.sensors import CameraFaults, GnssFaults, ImuFaults, LidarFaults, WheelFaults
 from carlaloc_env.samples import Events, Sample
 from carlaloc_env.sensors.base import SensorConfig
 
