@@ -5,8 +5,6 @@ from carlaloc_env.driving.driving_world import DrivingWorld as DrivingWorld
 from carlaloc_env.envs.any_town_env import AnyTownEnv as AnyTownEnv
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv as CarlaLocEnv
 from carlaloc_env.envs.task.config import TaskConfig as TaskConfig
-from carlaloc_env.rigs.presets import rig_by_name as rig_by_name
-from carlaloc_env.rigs.rig import SensorRig as SensorRig
 from carlaloc_env.samples import CanState as CanState
 from carlaloc_env.samples import DepthImage as DepthImage
 from carlaloc_env.samples import Events as Events

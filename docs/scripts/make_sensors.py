@@ -16,8 +16,8 @@ from carlaloc_env import samples
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.files.config_files import to_mapping
 from carlaloc_env.core.geodesy import GeoReference
-from carlaloc_env.rigs.memory import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
 from carlaloc_env.rigs.presets import RIGS
+from carlaloc_env.rigs.rig import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
 from carlaloc_env.sensors.base import LIMITS, RATE, SENSORS_MAX, Mount, SensorConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 
@@ -41,7 +41,7 @@ YAML, `preset: name` takes the values of a variant; the file's own values overri
 """
 REAL = """
 The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, use `real`. Its
-[cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288,
+[cameras](../carlaloc_env/rigs/presets.py) have the noise of a data sheet after EMVA 1288,
 exposure control, motion blur and a wide-angle lens. At rest by day, 22 % of a picture's values repeat in
 the next picture; with the ideal camera, 72 % do.
 """

@@ -13,9 +13,8 @@ from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.render.qualities import check_quality
-from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.rigs.rig import SensorRig, check_memory
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig

@@ -13,9 +13,8 @@ from carlaloc_env.envs.observation import Observer
 from carlaloc_env.envs.task.birds_eye_view import BirdsEyeView, birds_eye_space
 from carlaloc_env.envs.task.state_vector import StateVector, state_space
 from carlaloc_env.envs.task.task_world import TaskWorld
-from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
-from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.rigs.rig import SensorRig, check_memory
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensor_stage import SensorStage
 
