@@ -19,7 +19,7 @@ from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.road_ahead import RoadAhead
-from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.physics.ego import EgoCar, EgoState
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.timeline.actor_quantisation import on_grid

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from recorder.episode.episode import EgoRow, EpisodeWriter

@@ -19,7 +19,7 @@ from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.traffic.world import TrafficConfig

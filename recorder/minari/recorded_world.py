@@ -13,7 +13,7 @@ from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.road_ahead import RoadAhead
-from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town

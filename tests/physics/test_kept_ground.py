@@ -9,8 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from carlaloc_env.core.files.array_cache import SHARED_FROM_BYTES
-from carlaloc_env.physics.ground_heights import ground_table, highest_below
-from carlaloc_env.physics.kept_ground import ground_arrays, kept_ground
+from carlaloc_env.physics.ground_heights import ground_arrays, ground_table, highest_below, kept_ground
 from carlaloc_env.town.town import Town
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]

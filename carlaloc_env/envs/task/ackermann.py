@@ -6,8 +6,7 @@ from math import atan
 from typing import NamedTuple
 
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.physics.powertrain import motor_force_n
+from carlaloc_env.physics.params import VehicleParams, motor_force_n
 
 SHARPEST_PER_M = 0.2
 """Curvature of a full steering action at low speed [1/m]: a turn of 5 m; at full lock it is 4.1 m."""

@@ -11,7 +11,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.envs.task.config import TaskConfig
 from carlaloc_env.envs.task.task_world import TaskWorld
-from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.traffic.signals import SignalState
 
 STEP_S = STEP_NS * 1e-9

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from carlaloc_env.core.array_types import GRAVITY_MPS2
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
-from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.physics.powertrain import motor_force_n
+from carlaloc_env.physics.params import VehicleParams, motor_force_n
 
 _CHANGE_S = 0.35
 _PRESS_RADPS, _RELEASE_RADPS = 9.0, 18.0
