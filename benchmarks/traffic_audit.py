@@ -16,7 +16,7 @@ from carlaloc_env.scene.materials import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalState
-from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 

@@ -27,8 +27,8 @@ from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
 from carlaloc_env.town.without_movables import without_movables
-from carlaloc_env.traffic.stop_lines import StopLines
-from carlaloc_env.traffic.traffic_tables import kept_tables
+from carlaloc_env.traffic.signals import StopLines
+from carlaloc_env.traffic.standing_traffic import kept_tables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 

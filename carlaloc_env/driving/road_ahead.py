@@ -16,7 +16,7 @@ from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
-from carlaloc_env.traffic.stop_lines import stop_lines
+from carlaloc_env.traffic.signals import stop_lines
 
 SIGHT_M = 100.0
 """How far ahead a driver looks for others and for lights [m]."""

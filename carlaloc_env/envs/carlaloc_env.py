@@ -31,7 +31,7 @@ from carlaloc_env.samples import Sample, SampleList
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.ground_truth import objects_at, truth_at
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.config import TrafficConfig, traffic_of_town
+from carlaloc_env.traffic.population import TrafficConfig, traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
 
 KEEP_NS = 2_000_000_000

@@ -14,7 +14,7 @@ from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorFrame
-from carlaloc_env.traffic.stop_lines import StopLines
+from carlaloc_env.traffic.signals import StopLines
 from recorder.closed_loop.pose_source import PoseSource
 
 

@@ -17,7 +17,7 @@ from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.driving_world import ego_view
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 from recorder.episode.edit import rewrite_traffic

@@ -20,8 +20,7 @@ from carlaloc_env.scene.mesh import Instances, ModelLibrary
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.town import Town
-from carlaloc_env.traffic.standing_traffic import standing_traffic
-from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.standing_traffic import TrafficTables, standing_traffic
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.report.town_map import STRIP_PX, MapView, draw_map
 

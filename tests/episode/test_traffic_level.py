@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.traffic import config
+from carlaloc_env.traffic import population
 from recorder.episode.traffic_level import LEVEL_WORDS, LEVELS, traffic_level
 
 
 def test_levels_of_drives_and_replays_are_the_same() -> None:
-    assert LEVELS == config.LEVELS
+    assert LEVELS == population.LEVELS
     assert set(LEVELS) < set(LEVEL_WORDS)
 
 

@@ -12,9 +12,17 @@ from carlaloc_env.town.config import SignalTiming, TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.green_wave import DEPARTURE_S, PACES, Passings, drive_along, wave_begins_s
-from carlaloc_env.traffic.signals import SignalPlan, SignalState
-from carlaloc_env.traffic.stop_lines import stop_lines, travel_times_s
+from carlaloc_env.traffic.signals import (
+    DEPARTURE_S,
+    PACES,
+    Passings,
+    SignalPlan,
+    SignalState,
+    drive_along,
+    stop_lines,
+    travel_times_s,
+    wave_begins_s,
+)
 
 TIMING = SignalTiming(green_s=10.0, main_green_s=20.0, left_green_s=6.0)
 

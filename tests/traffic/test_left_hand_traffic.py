@@ -16,7 +16,7 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.routing.route import plan_route
 from carlaloc_env.traffic.signals import SignalPlan
-from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode

@@ -16,9 +16,9 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.config import traffic_of_town
-from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN
-from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.population import traffic_of_town
+from carlaloc_env.traffic.standing_traffic import TrafficTables
+from carlaloc_env.traffic.tables.lane_tables import TAKEN
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 

@@ -16,13 +16,13 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalPlan, SignalState
-from carlaloc_env.traffic.tables.speed_profile import (
+from carlaloc_env.traffic.standing_traffic import TrafficTables
+from carlaloc_env.traffic.tables.lane_tables import (
     COMFORT_BRAKING_MPS2,
     LATERAL_ACCELERATION_MPS2,
     SLOWEST_BEND_MPS,
     allowed_speeds,
 )
-from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.vehicles.car_following import idm_plus
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld

@@ -22,7 +22,7 @@ from carlaloc_env.town.town import Town
 from carlaloc_env.town.town_roads import TownRoads
 from carlaloc_env.town.town_scenery import TownOutline
 from carlaloc_env.traffic.signals import SignalPlan
-from carlaloc_env.traffic.traffic_tables import TrafficTables, kept_tables
+from carlaloc_env.traffic.standing_traffic import TrafficTables, kept_tables
 
 PARTS = ("roads", "walker_network", "cells", "overlaps")
 

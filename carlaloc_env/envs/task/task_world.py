@@ -11,7 +11,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
-from carlaloc_env.traffic.stop_lines import StopLines
+from carlaloc_env.traffic.signals import StopLines
 
 
 class CarState(Protocol):

@@ -1,4 +1,9 @@
-"""The lane network as tables that compiled functions read."""
+"""The lane network as tables that compiled functions read.
+
+Speed profile: the speed that roads allow at every sample of the lane tables.
+
+Crosswalks by the lanes that they cross.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +14,70 @@ import numpy as np
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Zones, find_rules, find_zones
-from carlaloc_env.traffic.tables.crosswalk_tables import Crossings, find_crossings
-from carlaloc_env.traffic.tables.demand import stretch_demand
-from carlaloc_env.traffic.tables.lane_reachability import GoalPaths, find_goal_paths, road_ends
-from carlaloc_env.traffic.tables.record_arrays import Flags, fill, starts
-from carlaloc_env.traffic.tables.speed_profile import allowed_speeds
+from carlaloc_env.traffic.tables.lane_reachability import (
+    GoalPaths,
+    find_goal_paths,
+    road_ends,
+    stretch_demand,
+)
+from carlaloc_env.traffic.tables.record_arrays import Flags, fill, packed, starts
+
+WANTED, TAKEN = 1, 2
+"""What walkers do with a crossing: they wait to cross, or they walk there or will within seconds."""
+
+
+class Crossings:
+    """Pairs of a crosswalk and a lane that it crosses, C rows."""
+
+    lane: Index
+    """Number of the lane, (C,)."""
+    crosswalk: Index
+    """Number of the crosswalk, (C,)."""
+    enter_m: Array
+    """Station at which the crosswalk begins [m], (C,)."""
+    leave_m: Array
+    """Station at which it ends [m], (C,)."""
+
+
+def find_crossings(network: LaneNetwork) -> tuple[Index, Crossings]:
+    """Where each lane's rows begin (N + 1,), and all crossings of driving lanes."""
+    rows: list[list[tuple[int, int, float, float]]] = [[] for _ in network.lanes]
+    for number, crosswalk in enumerate(network.crosswalks):
+        for lane, (enter, leave) in zip(crosswalk.lanes, crosswalk.span_m, strict=True):
+            rows[lane].append((lane, number, enter, leave))
+    return packed(Crossings, rows)
+
+
+LATERAL_ACCELERATION_MPS2 = 2.9
+"""Comfortable lateral acceleration in bends [m/s²]."""
+
+
+COMFORT_BRAKING_MPS2 = 2.0
+"""Braking on which speed tables count when they look ahead [m/s²]."""
+SLOWEST_BEND_MPS = 2.5
+"""Bends are never taken slower: where two arcs meet, maps hold kinks [m/s]."""
+
+
+def allowed_speeds(network: LaneNetwork) -> Array:
+    """Speed allowed at every sample of the lane tables [m/s], (R,).
+
+    The least of the posted limit, what bends allow, and what lets one brake in comfort for the rest
+    of the lane.
+    """
+    tables = network.tables
+    bend = np.maximum(np.abs(tables.curvature_radpm), 1e-4)
+    bend_mps = np.maximum(np.sqrt(LATERAL_ACCELERATION_MPS2 / bend), SLOWEST_BEND_MPS)
+    allowed = np.minimum(tables.speed_limit_mps, bend_mps)
+    last = tables.first + tables.count - 1
+    # Backward pass: one sweep over samples of equal index before their lane's end.
+    for back in range(1, int(tables.count.max())):
+        long = tables.count > back
+        rows = last[long] - back
+        entry_mps = allowed[rows + 1]
+        brake = np.sqrt(entry_mps * entry_mps + 2.0 * COMFORT_BRAKING_MPS2 * tables.step_m[long])
+        allowed[rows] = np.minimum(allowed[rows], brake)
+    return np.ascontiguousarray(allowed)
+
 
 WIDE_M = 2.6
 """A lane of this width holds any vehicle [m]."""

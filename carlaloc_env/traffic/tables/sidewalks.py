@@ -10,10 +10,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import point_tree
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.records import Crosswalk
-from carlaloc_env.traffic.tables.crosswalk_tables import Crossings
-from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.record_arrays import columns, fill, packed, starts
-from carlaloc_env.traffic.tables.sidewalk_tables import (
+from carlaloc_env.traffic.tables.lane_reachability import (
     CROSSWALK,
     SIDEWALK,
     CrosswalkEntries,
@@ -22,6 +19,8 @@ from carlaloc_env.traffic.tables.sidewalk_tables import (
     WalkerPaths,
     WalkerPathSamples,
 )
+from carlaloc_env.traffic.tables.lane_tables import Crossings, Roads
+from carlaloc_env.traffic.tables.record_arrays import columns, fill, packed, starts
 
 STEP_M = 0.5
 """Spacing of samples along crosswalks [m]."""

@@ -15,9 +15,8 @@ from carlaloc_env.core.jit import compiled
 from carlaloc_env.core.transforms import point_tree
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Links
-from carlaloc_env.traffic.tables.lane_geometry import station_beside
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.occupancy import Occupancy, on_origin
+from carlaloc_env.traffic.tables.occupancy import Occupancy, on_origin, station_beside
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
 from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, STANDING_MPS, Drivers, Fleet
 

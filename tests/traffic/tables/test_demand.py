@@ -14,14 +14,14 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.tables.demand import (
+from carlaloc_env.traffic.standing_traffic import TrafficTables
+from carlaloc_env.traffic.tables.lane_reachability import (
     MAIN_STREET_DEMAND,
     ROUTE_DEMAND,
     STREET_REACH_M,
     lane_demand,
     weighted_order,
 )
-from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 

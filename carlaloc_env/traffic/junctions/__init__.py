@@ -1,1 +1,0 @@
-"""Right of way at junctions."""

@@ -1,1 +1,0 @@
-"""How walkers walk, cross and avoid vehicles."""
