@@ -1,6 +1,5 @@
 """Public names of the package, lent when asked for: the page docs/api.md explains them."""
 
-from carlaloc_env.driving.driver_view import DriverView as DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld as DrivingWorld
 from carlaloc_env.envs.any_town_env import AnyTownEnv as AnyTownEnv
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv as CarlaLocEnv

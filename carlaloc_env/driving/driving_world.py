@@ -17,8 +17,7 @@ from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M, Controls
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.driving.driver_view import DriverView
-from carlaloc_env.driving.road_ahead import RoadAhead
+from carlaloc_env.driving.road_ahead import DriverView, RoadAhead
 from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.physics.ego import EgoCar, EgoState
 from carlaloc_env.physics.world import PhysicsWorld

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import carlaloc_env  # noqa: F401  (registers the environments)
-from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.road_ahead import DriverView
 from recorder.closed_loop.estimated_pose_env import EstimatedPoseEnv
 from recorder.closed_loop.pose_source import PoseSource, SystemPose
 

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply, invert, transform, wrap_angle
-from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.driving.road_ahead import RoadAhead
+from carlaloc_env.driving.road_ahead import DriverView, RoadAhead
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.traffic.signals import StopLines

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
-from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.road_ahead import DriverView
 from recorder.devices.scripted.driver import ScriptedDriver
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.road_ahead import DriverView
 
 
 class Device(Protocol):

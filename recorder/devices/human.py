@@ -10,7 +10,7 @@ from dataclasses import replace
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import DeviceError
-from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.road_ahead import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.axes import AxisShape, shape_axis
 from recorder.devices.commands import Command

@@ -6,7 +6,7 @@ import math
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.elementary_kernels import sin_cos
-from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.road_ahead import DriverView
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalState
 

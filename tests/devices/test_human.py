@@ -14,7 +14,7 @@ from shared_fixtures.drives.sticks import GAMEPAD, WHEEL
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import DeviceError
-from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.road_ahead import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.routing.route import Route
 from recorder.devices.commands import Command

@@ -8,7 +8,7 @@ import pytest
 from shared_fixtures.drives.driver_runs import route_of
 from shared_fixtures.worlds.scenes import Scenery
 
-from carlaloc_env.driving.crossing_traffic import crossing_traffic
+from carlaloc_env.driving.road_ahead import crossing_traffic
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
 from carlaloc_env.town.routing.route import Route
 
