@@ -17,7 +17,7 @@ _ENTRY_POINT = "carlaloc_env.envs.carlaloc_env:CarlaLocEnv"
 register(id="CarlaLoc-v0", entry_point=_ENTRY_POINT)
 for _town in (*TOWNS, "Town10HD"):
     register(id=f"CarlaLoc-{_town}-v0", entry_point=_ENTRY_POINT, kwargs={"map": _town})
-register(id="CarlaLoc-AnyTown-v0", entry_point="carlaloc_env.envs.any_town_env:AnyTownEnv")
+register(id="CarlaLoc-AnyTown-v0", entry_point="carlaloc_env.envs.carlaloc_env:AnyTownEnv")
 
 __getattr__, _names = lazy_names(__name__, __file__)
 __all__ = [*_names, "TOWNS", "__version__"]

@@ -1,9 +1,6 @@
 """Public names of the package, lent when asked for: the page docs/api.md explains them."""
 
 from carlaloc_env.driving.driving_world import DrivingWorld as DrivingWorld
-from carlaloc_env.envs.any_town_env import AnyTownEnv as AnyTownEnv
-from carlaloc_env.envs.carlaloc_env import CarlaLocEnv as CarlaLocEnv
-from carlaloc_env.envs.task.config import TaskConfig as TaskConfig
 from carlaloc_env.samples import CanState as CanState
 from carlaloc_env.samples import DepthImage as DepthImage
 from carlaloc_env.samples import Events as Events

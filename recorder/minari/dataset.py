@@ -23,8 +23,7 @@ from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError, unk
 from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.envs.task.actions import action_kind
 from carlaloc_env.envs.task.agent_views import AgentView, agent_view, rig_of
-from carlaloc_env.envs.task.config import TaskConfig
-from carlaloc_env.envs.task.referee import Referee
+from carlaloc_env.envs.task.referee import Referee, TaskConfig
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.schedule import weather_of
 from recorder.episode.episode import ControlLog, Episode

@@ -11,9 +11,9 @@ from shared_fixtures.drives.straight_drives import MakeEnv
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
-from carlaloc_env.envs.task.birds_eye_view import AHEAD_M, CHANNELS, PX_M, SIZE_PX
-from carlaloc_env.envs.task.neighbours import Ego, first_in_path
+from carlaloc_env.envs.task.agent_views import AHEAD_M, CHANNELS, PX_M, SIZE_PX
 from carlaloc_env.envs.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, corner_speeds, state_names
+from carlaloc_env.envs.task.task_world import Ego, first_in_path
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.traffic.signals import SignalState
 

@@ -13,8 +13,7 @@ from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.envs.task.neighbours import COLUMNS, Ego, first_in_path, put_neighbours
-from carlaloc_env.envs.task.task_world import TaskWorld
+from carlaloc_env.envs.task.task_world import COLUMNS, Ego, TaskWorld, first_in_path, put_neighbours
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.signals import SignalState

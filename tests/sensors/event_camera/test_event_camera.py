@@ -11,7 +11,7 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.envs.observation import Observer
+from carlaloc_env.envs.base_env import Observer
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.base import Mount
