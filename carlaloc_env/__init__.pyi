@@ -23,7 +23,6 @@ from carlaloc_env.town.build import load_town as load_town
 from carlaloc_env.town.sources import TownId as TownId
 from carlaloc_env.town.sources import identify_town as identify_town
 from carlaloc_env.town.sources import known_towns as known_towns
-from carlaloc_env.town.town import Town as Town
 from carlaloc_env.weather.schedule import WeatherSchedule as WeatherSchedule
 
 __version__: str

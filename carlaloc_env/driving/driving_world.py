@@ -24,8 +24,7 @@ from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.routing.route import Route
-from carlaloc_env.town.town import Town
-from carlaloc_env.town.without_movables import without_movables
+from carlaloc_env.town.town import Town, without_movables
 from carlaloc_env.traffic.signals import StopLines
 from carlaloc_env.traffic.standing_traffic import kept_tables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView

@@ -17,10 +17,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
 from carlaloc_env.town.sources import TownId, identify_town
-from carlaloc_env.town.town import Town
-from carlaloc_env.town.town_hash import town_hash
-from carlaloc_env.town.town_roads import TownRoads
-from carlaloc_env.town.town_scenery import TownOutline, TownScenery
+from carlaloc_env.town.town import Town, TownOutline, TownRoads, TownScenery, town_hash
 
 _log = logging.getLogger(__name__)
 _PLACE = ("geoReference", "offset", "header")
@@ -115,7 +112,7 @@ class _TownCache:
         """Settings of `town.toml`, or those chosen where there is none."""
         if self._source.toml is not None:
             return TownConfig.from_toml(self._source.toml)
-        from carlaloc_env.town.road_building import choose_config
+        from carlaloc_env.town.construction import choose_config
 
         return choose_config(self.xodr, self._source.name)
 
@@ -158,7 +155,7 @@ class _TownCache:
         )
 
     def _build_roads(self) -> TownRoads:
-        from carlaloc_env.town.road_building import build_roads
+        from carlaloc_env.town.construction import build_roads
 
         self._warn_of_notes()
         return build_roads(self.xodr, self.config, self.seed)
@@ -181,7 +178,7 @@ class _TownCache:
 
     @cached_property
     def _built(self) -> TownScenery:
-        from carlaloc_env.town.scenery import build_scenery
+        from carlaloc_env.town.construction import build_scenery
 
         roads = self.roads
         route_m = None if roads.route is None else roads.route.position_m[:, :2]

@@ -21,7 +21,7 @@ from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.config import SignalTiming
-from carlaloc_env.town.default_traffic import traffic_counts
+from carlaloc_env.town.construction import traffic_counts
 from carlaloc_env.traffic.tables.record_arrays import fill
 from carlaloc_env.traffic.tables.vehicle_state import DriverParameters, Drivers
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView

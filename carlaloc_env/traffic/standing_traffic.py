@@ -19,7 +19,7 @@ from carlaloc_env.core.files.array_cache import arrays_hash, cached
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.build import KEPT_FILES
 from carlaloc_env.town.config import SignalTiming
-from carlaloc_env.town.lanes import network_arrays
+from carlaloc_env.town.lanes import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
@@ -155,7 +155,7 @@ def kept_tables(town: Town, *, folder: Path | None = None) -> TrafficTables:
         town: The town.
         folder: Where files lie; the default cache when left out.
     """
-    made_of = network_arrays.to_arrays(town.network)
+    made_of = build_network.to_arrays(town.network)
     if town.route is not None:
         made_of["route_m"] = town.route.position_m
     return TrafficTables(

@@ -19,8 +19,7 @@ from carlaloc_env.core.files.array_cache import give_back_freed_memory
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.town import Town
-from carlaloc_env.town.without_movables import without_movables
+from carlaloc_env.town.town import Town, without_movables
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.devices.base import Device

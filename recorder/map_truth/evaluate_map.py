@@ -16,7 +16,7 @@ from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import merge
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.town.without_movables import without_movables
+from carlaloc_env.town.town import without_movables
 from carlaloc_env.weather.schedule import weather_of
 from recorder.dataset.rig_parts import lidar_of
 from recorder.dataset.scans import Scan

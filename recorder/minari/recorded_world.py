@@ -16,8 +16,7 @@ from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.routing.route import Route
-from carlaloc_env.town.town import Town
-from carlaloc_env.town.without_movables import without_movables
+from carlaloc_env.town.town import Town, without_movables
 from carlaloc_env.traffic.signals import StopLines
 from carlaloc_env.traffic.world import TrafficConfig
 from recorder.episode.episode import Episode

@@ -21,7 +21,7 @@ from carlaloc_env.sensors.base import Camera
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.ground_truth import objects_at, truth_at
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.town.without_movables import without_movables
+from carlaloc_env.town.town import without_movables
 from recorder.episode.episode import Episode
 from recorder.episode.town import town_of
 from recorder.episode.traffic_level import TrafficLevel

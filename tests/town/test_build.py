@@ -15,8 +15,7 @@ from carlaloc_env.core.files.array_cache import arrays_hash, load, save
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.town.build import kept_town_hash, load_town
 from carlaloc_env.town.sources import find_town, identify_town
-from carlaloc_env.town.town import Town
-from carlaloc_env.town.town_hash import town_hash
+from carlaloc_env.town.town import Town, town_hash
 
 ROAD = """<?xml version="1.0"?>
 <OpenDRIVE><header revMajor="1" revMinor="7" name="small"/>

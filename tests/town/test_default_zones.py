@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from carlaloc_env.town.config import ZONE_KINDS, TownConfig
-from carlaloc_env.town.default_zones import choose_zones, road_kind
+from carlaloc_env.town.construction import choose_zones, road_kind
 from carlaloc_env.town.ground.terrain import zone_areas
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork

@@ -13,7 +13,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import lane_area, town_areas
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.lanes.records import Lane
+from carlaloc_env.town.lanes.lanes import Lane
 from carlaloc_env.town.meshing.polygons import union
 from carlaloc_env.town.routing.route import plan_route
 

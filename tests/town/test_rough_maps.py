@@ -13,16 +13,15 @@ import shapely
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.config import TrafficCounts
-from carlaloc_env.town.default_traffic import traffic_counts
-from carlaloc_env.town.ground.flush_sidewalks import BELOW_M, lower_walks
+from carlaloc_env.town.construction import traffic_counts
+from carlaloc_env.town.ground.ground_plan import BELOW_M, lower_walks
 from carlaloc_env.town.ground.lane_strips import KERB_M, road_strips
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.polygons import strip_polygon
-from carlaloc_env.town.routing.off_tracking import inside_line
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.routing.smoothing import RouteLine
-from carlaloc_env.town.routing.swept_path import raised_near
+from carlaloc_env.town.routing.swept_path import inside_line, raised_near
 
 HEAD = '<OpenDRIVE><header revMajor="1" revMinor="4"/>'
 LANE = '<lane id="{}" type="{}"><width sOffset="0" a="{}" b="0" c="0" d="0"/></lane>'

@@ -13,11 +13,11 @@ from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.array_cache import load, save
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.construction import build_roads
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
-from carlaloc_env.town.road_building import build_roads
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.town.town_roads import TownRoads
+from carlaloc_env.town.town import TownRoads
 
 SEED = 20
 HEAD = '<?xml version="1.0"?><OpenDRIVE><header revMajor="1" revMinor="7" name="small"/>'

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.traffic_audit import audit_traffic
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.meshing.instance_ids import InstanceIds
+from carlaloc_env.town.meshing.batches import InstanceIds
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.street.signals_and_signs import add_signals
 from carlaloc_env.traffic.world import TrafficConfig

@@ -10,9 +10,7 @@ from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import merge
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.town import Town
-from carlaloc_env.town.town_roads import TownRoads
-from carlaloc_env.town.without_movables import MOVABLE, without_movables
+from carlaloc_env.town.town import MOVABLE, Town, TownRoads, without_movables
 
 pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.primitives import Look, lathe
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag
-from carlaloc_env.town.buildings.appearance import Shell
-from carlaloc_env.town.buildings.walls import Wall
+from carlaloc_env.town.buildings.walls import Shell, Wall
 
 
 class Openings(NamedTuple):

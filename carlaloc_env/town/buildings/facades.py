@@ -6,15 +6,13 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.town.buildings.appearance import Shell
 from carlaloc_env.town.buildings.facade_ornaments import (
     Openings,
     crossed,
     wall_ornaments,
     window_ornaments,
 )
-from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR, street_storey
-from carlaloc_env.town.buildings.walls import Wall
+from carlaloc_env.town.buildings.walls import GARAGE_DOOR, Shell, Wall, street_storey
 
 FULL_DETAIL_M = 24.0
 """Above this height windows have no sills and reveals, which cannot be seen from the street [m]."""

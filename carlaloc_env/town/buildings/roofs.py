@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.town.buildings.appearance import Shell
-from carlaloc_env.town.buildings.walls import Wall
+from carlaloc_env.town.buildings.walls import Shell, Wall
 from carlaloc_env.town.meshing.mesh_builder import box_quads
 
 Part = tuple[float, float, float, float]

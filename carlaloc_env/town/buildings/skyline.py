@@ -13,10 +13,9 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.buildings.walls import around
 from carlaloc_env.town.ground.terrain import Terrain, Zones
-from carlaloc_env.town.meshing.instance_ids import InstanceIds
+from carlaloc_env.town.meshing.batches import InstanceIds, copies, poses
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
-from carlaloc_env.town.meshing.prop_copies import copies, poses
 
 NEAREST_M, FARTHEST_M = 12.0, 340.0
 """Distances from the near ground's border between which the surroundings lie [m]."""

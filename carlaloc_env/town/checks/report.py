@@ -15,15 +15,19 @@ import numpy as np
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
 from carlaloc_env.core.geodesy import GeoReference, ProjectedReference
-from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
-from carlaloc_env.town.checks.problem import Problem
+from carlaloc_env.town.checks.graph import (
+    graph_problems,
+    link_problems,
+    reciprocity_problems,
+    signal_problems,
+)
 from carlaloc_env.town.checks.roads import (
+    Problem,
     clearance_problems,
     passage_problems,
     plan_view_problems,
     road_problems,
 )
-from carlaloc_env.town.checks.signals import signal_problems
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive

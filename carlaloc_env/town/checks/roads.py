@@ -1,4 +1,7 @@
-"""Checks of single roads: reference line, records, widths, grades, clearance."""
+"""Checks of single roads: reference line, records, widths, grades, clearance.
+
+One fault of a map, as all checks give it.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.town.checks.problem import Row
 from carlaloc_env.town.lanes.lane_network import CLEARANCE_M, LaneNetwork
-from carlaloc_env.town.opendrive.records import OpenDrive, Road, Severity
+from carlaloc_env.town.opendrive.records import Note, OpenDrive, Road, Severity
+
+Problem = Note
+"""One fault of a map."""
+Row = tuple[Severity, str, str, int, str]
+"""Values of a `Problem`, in the order of its fields."""
+
 
 GAP_M = 1e-6
 """Gaps in a reference line from which it is warned of [m]."""

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import Array, Mask
-from carlaloc_env.town.ground.cuttings import cuttings
 from carlaloc_env.town.ground.grade_graph import Crossing, RoadGraph, grown, runs
-from carlaloc_env.town.ground.grade_levels import Levels, State, States, strips_area
+from carlaloc_env.town.ground.grade_levels import Levels, State, States, cuttings, strips_area
 from carlaloc_env.town.ground.height_fields import GroundGrid
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.terrain import BANK_SLOPE, Zones

@@ -13,7 +13,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.town.opendrive.cubic_tables import last_at_or_before
+from carlaloc_env.town.opendrive.lane_boundaries import last_at_or_before
 from carlaloc_env.town.opendrive.road_surface import RoadSurface, SurfaceCurve
 
 TABLE_STEP_M = 0.5

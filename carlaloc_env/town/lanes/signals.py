@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.transforms import from_rotation
-from carlaloc_env.town.lanes.records import SIGN_CODES, SIGN_KINDS, SignalHead, StaticSign
-from carlaloc_env.town.opendrive.read_lanes import MPS_PER_UNIT
+from carlaloc_env.town.lanes.lanes import SIGN_CODES, SIGN_KINDS, SignalHead, StaticSign
+from carlaloc_env.town.opendrive.read_roads import MPS_PER_UNIT
 from carlaloc_env.town.opendrive.records import Road, RoadObject, SignalRecord, Validity
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ import numpy as np
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index, Mask
 from carlaloc_env.core.transforms import point_tree
-from carlaloc_env.town.opendrive.cubic_tables import CubicTable
-from carlaloc_env.town.opendrive.lane_boundaries import LaneEdges
+from carlaloc_env.town.opendrive.lane_boundaries import CubicTable, LaneEdges
 from carlaloc_env.town.opendrive.records import Road, RoadLink
 from carlaloc_env.town.opendrive.reference_line import PlanView
 

@@ -19,7 +19,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference, ProjectedReference, area_of_use, projected_reference
-from carlaloc_env.town.opendrive.read_geometry import PROJECTED_LIMIT
+from carlaloc_env.town.opendrive.read_roads import PROJECTED_LIMIT
 from carlaloc_env.town.opendrive.records import Road
 from carlaloc_env.town.opendrive.xml_document import Document, Element, ElementError
 

@@ -1,21 +1,31 @@
-"""Reads an OpenDRIVE file into `OpenDrive`; what cannot be used is left out with a note on the place."""
+"""Reads an OpenDRIVE file into `OpenDrive`; what cannot be used is left out with a note on the place.
+
+Notes on records that stand out of order or begin too late; such files are read all the same.
+
+Moves maps whose coordinates are large, such as absolute UTM metres, near the world's origin.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 
+import numpy as np
+
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.opendrive.geo_reference import read_geo_reference
-from carlaloc_env.town.opendrive.map_shift import near_origin
-from carlaloc_env.town.opendrive.ordering_notes import note_order
-from carlaloc_env.town.opendrive.read_geometry import read_cubics, read_plan_view, read_shapes
-from carlaloc_env.town.opendrive.read_lanes import read_sections, read_speed
-from carlaloc_env.town.opendrive.read_objects import (
+from carlaloc_env.town.opendrive.read_roads import (
+    read_cubics,
     read_objects,
     read_passages,
+    read_plan_view,
+    read_sections,
+    read_shapes,
     read_signal_references,
     read_signals,
+    read_speed,
 )
 from carlaloc_env.town.opendrive.records import (
     Connection,
@@ -23,12 +33,86 @@ from carlaloc_env.town.opendrive.records import (
     Geometry,
     Junction,
     JunctionController,
+    Note,
     OpenDrive,
     Road,
     RoadLink,
     SpeedRecord,
 )
 from carlaloc_env.town.opendrive.xml_document import Document, Element, ElementError
+
+FAR_M = 20_000.0
+"""Maps nearer to their origin stay where they are: single precision holds 2 mm there [m]."""
+REACH_M = 100_000.0
+"""Roads farther than this from the middle of the others are left out [m]."""
+STEP_M = 1000.0
+"""Shifts are multiples of this [m], so that coordinates of both can be compared by eye."""
+
+
+def near_origin(document: Document, roads: Sequence[Road]) -> tuple[list[Road], tuple[float, float]]:
+    """Roads near the world's origin, and where that lies in the file's coordinates x, y [m].
+
+    Roads that lie farther than `REACH_M` from the rest are left out with a note.
+    """
+    if not roads:
+        return [], (0.0, 0.0)
+    middle = np.median([(road.geometry[0].x_m, road.geometry[0].y_m) for road in roads], axis=0)
+    shift = np.round(middle / STEP_M) * STEP_M if np.abs(middle).max() > FAR_M else np.zeros(2)
+    x, y = (float(part) for part in shift)
+    if x or y:
+        message = f"coordinates are far from their origin; the world's origin is x={x:.0f}, y={y:.0f} of them"
+        document.note(document.root, message)
+        roads = [_shifted(road, x, y) for road in roads]
+    near = [road for road in roads if _reach_m(road) <= REACH_M]
+    for road in roads:
+        if _reach_m(road) > REACH_M:
+            message = f"lies {_reach_m(road):.3g} m from the rest, so it is left out; correct its geometry"
+            document.notes.append(
+                Note(severity="error", element="road", id=road.id, line=road.line, message=message)
+            )
+    return near, (x, y)
+
+
+def _shifted(road: Road, x_m: float, y_m: float) -> Road:
+    return replace(road, geometry=tuple(replace(g, x_m=g.x_m - x_m, y_m=g.y_m - y_m) for g in road.geometry))
+
+
+def _reach_m(road: Road) -> float:
+    return max(max(abs(g.x_m), abs(g.y_m)) for g in road.geometry)
+
+
+ROAD_RECORDS = (
+    ("planView/geometry", True),
+    ("elevationProfile/elevation", True),
+    ("lateralProfile/superelevation", False),
+    ("lanes/laneOffset", True),
+    ("lanes/laneSection", True),
+)
+"""Path of the records and whether the first must begin at s = 0."""
+
+
+def note_order(document: Document, road: Element) -> None:
+    """Notes descending s in one road's records, and first records that leave the road's start open."""
+    for path, from_zero in ROAD_RECORDS:
+        _sequence(document, road.findall(path), "s", from_zero)
+    for section in road.findall("lanes/laneSection"):
+        for lane in section.iter("lane"):
+            _sequence(document, lane.findall("width"), "sOffset", True)
+
+
+def _sequence(document: Document, elements: list[Element], name: str, from_zero: bool) -> None:
+    last = None
+    for element in elements:
+        try:
+            s = document.number(element, name, 0.0)
+        except ElementError:
+            continue
+        if last is None and from_zero and abs(s) > 1e-9:
+            document.note(element, f"first record begins at {name}={s:g}; begin at 0")
+        elif last is not None and s < last:
+            document.note(element, f"{name}={s:g} after {last:g}; write records in ascending order")
+        last = s
+
 
 ROAD_LIMIT = 100_000
 """Maps with more roads are refused."""

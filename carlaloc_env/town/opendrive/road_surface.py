@@ -12,8 +12,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.road.road_profile import Relief
 from carlaloc_env.town.opendrive.crossfall import Crossfall
-from carlaloc_env.town.opendrive.cubic_tables import CubicTable
-from carlaloc_env.town.opendrive.lane_boundaries import Edge, LaneEdges
+from carlaloc_env.town.opendrive.lane_boundaries import CubicTable, Edge, LaneEdges
 from carlaloc_env.town.opendrive.records import Road, ShapeRecord
 from carlaloc_env.town.opendrive.reference_line import PlanView
 

@@ -13,20 +13,22 @@ from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.opendrive.records import Road
-from carlaloc_env.town.roads.carriageways import casting_ends
-from carlaloc_env.town.roads.felt_events import felt_on
-from carlaloc_env.town.roads.motorways import DETAILS, SURFACE, is_fast
-from carlaloc_env.town.roads.patches_and_covers import (
+from carlaloc_env.town.roads.junction_surfaces import casting_ends
+from carlaloc_env.town.roads.road_classes import (
     COLLAR_GREY,
     COLLAR_M,
     COLLARS,
     COVER_M,
     COVER_RADIUS_M,
+    DETAILS,
     PATCH_M,
     SEAL_M,
     SEAL_WIDTH_M,
     SQUARE,
+    SURFACE,
     cover_rings,
+    felt_on,
+    is_fast,
     lay_cover,
     repair_surface,
 )

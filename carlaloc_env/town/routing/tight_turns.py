@@ -19,9 +19,8 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.height_fields import distance_along, interpolated
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.off_tracking import inside_line
 from carlaloc_env.town.routing.smoothing import SAMPLE_M, RouteLine, joined
-from carlaloc_env.town.routing.swept_path import cost_of, kerb_room, room_about
+from carlaloc_env.town.routing.swept_path import cost_of, inside_line, kerb_room, room_about
 
 TIGHT_M = 6.2
 """Turns of a smaller radius, as a mean over `WINDOW_M`, are looked at [m]."""

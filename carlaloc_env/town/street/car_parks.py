@@ -12,12 +12,11 @@ from carlaloc_env.assets.signs import sign
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag
-from carlaloc_env.town.ground.grade_levels import State
-from carlaloc_env.town.ground.road_edges import Waysides
+from carlaloc_env.town.ground.grade_levels import State, Waysides
 from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.meshing.batches import copies, poses
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area
-from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.street.parked_cars import ParkedCars
 
 BAY_M = (2.5, 5.0)

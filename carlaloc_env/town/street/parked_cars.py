@@ -14,15 +14,13 @@ from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.grade_levels import RoadEdge, State, Waysides
 from carlaloc_env.town.ground.height_fields import distance_along, interpolated
 from carlaloc_env.town.ground.lane_strips import Strip
-from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides
 from carlaloc_env.town.ground.terrain import Terrain
-from carlaloc_env.town.meshing.instance_ids import InstanceIds
+from carlaloc_env.town.meshing.batches import InstanceIds, copies, poses
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads, turned
 from carlaloc_env.town.meshing.polygons import Area
-from carlaloc_env.town.meshing.prop_copies import copies, poses
 
 CARS = (*(name for name, model in VEHICLES.items() if model.tag == Tag.CAR), "pickup", "van")
 """Models that are parked."""

@@ -13,10 +13,9 @@ from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.lanes.records import SignalHead, StaticSign
-from carlaloc_env.town.meshing.instance_ids import InstanceIds
-from carlaloc_env.town.meshing.prop_copies import copies, poses
-from carlaloc_env.town.opendrive.read_lanes import MPS_PER_UNIT
+from carlaloc_env.town.lanes.lanes import SignalHead, StaticSign
+from carlaloc_env.town.meshing.batches import InstanceIds, copies, poses
+from carlaloc_env.town.opendrive.read_roads import MPS_PER_UNIT
 
 SHORTEST_ARM_M, LONGEST_ARM_M = 3.5, 11.0
 """Mast arms that are built; nearer lanes are served from the post [m]."""

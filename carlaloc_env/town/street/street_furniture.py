@@ -1,26 +1,80 @@
-"""Things on sidewalks: lamps, trees, benches, bins, hydrants, shelters, and hedges behind them."""
+"""Things on sidewalks: lamps, trees, benches, bins, hydrants, shelters, and hedges behind them.
+
+Props chosen for the sidewalks of a town, and their meshes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from carlaloc_env.assets import street_furniture
+from carlaloc_env.assets.plants import hedge
+from carlaloc_env.assets.signs import sign
+from carlaloc_env.assets.texture_atlas import STREET_NAMES
+from carlaloc_env.assets.trees import tree
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.height_fields import distance_along, interpolated
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.terrain import Zones
-from carlaloc_env.town.meshing.instance_ids import InstanceIds
+from carlaloc_env.town.meshing.batches import InstanceIds, copies, poses
 from carlaloc_env.town.meshing.polygons import Area
-from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.roads.sidewalks import raised_runs, run_edges
-from carlaloc_env.town.street.street_props import LAMP_ARM_M, LAMP_HEIGHT_M, Placement, prop_mesh
-from carlaloc_env.town.structures.street_lights import lamp_reach
+from carlaloc_env.town.structures.masts import lamp_reach
 from carlaloc_env.town.vegetation.planting import DETAIL_M
+
+LAMP_HEIGHT_M, LAMP_ARM_M = 8.5, 2.0
+"""Height of a lamp's light, and how far it reaches over the road [m]."""
+
+
+@dataclass(slots=True, eq=False)
+class Placement:
+    """Props chosen so far: name → feet and directions; and what the posts block."""
+
+    feet: dict[tuple[str, int, str], list[Array]] = field(default_factory=dict)
+    """Feet [m] by prop, variant and detail."""
+    yaws: dict[tuple[str, int, str], list[float]] = field(default_factory=dict)
+    """Directions of the x axes [rad]."""
+
+    def put(self, name: str, foot: Array, yaw: float, variant: int = 0, detail: str = "") -> None:
+        """Choose one prop."""
+        key = (name, variant, detail)
+        self.feet.setdefault(key, []).append(foot)
+        self.yaws.setdefault(key, []).append(yaw)
+
+    def feet_of(self, name: str) -> Array:
+        """Feet of all props of one name [m], shape (K, 3)."""
+        found = [foot for key, feet in self.feet.items() if key[0] == name for foot in feet]
+        return np.array(found, dtype=np.float64).reshape(-1, 3)
+
+
+def prop_mesh(name: str, variant: int, detail: str) -> Mesh:
+    """Mesh of a placed prop."""
+    if name.startswith("tree "):
+        return tree(name.removeprefix("tree "), variant, detail)
+    makers: dict[str, Callable[[], Mesh]] = {
+        "lamp": lambda: street_furniture.lamp(LAMP_HEIGHT_M, LAMP_ARM_M),
+        "banner": lambda: street_furniture.banner(variant),
+        "bench": street_furniture.bench,
+        "bin": street_furniture.bin_,
+        "hydrant": street_furniture.hydrant,
+        "newspaper_box": street_furniture.newspaper_box,
+        "post_box": street_furniture.post_box,
+        "cabinet": street_furniture.cabinet,
+        "planter": street_furniture.planter,
+        "column": lambda: street_furniture.advertising_column(variant),
+        "street_name": lambda: sign("street_name", STREET_NAMES[variant]),
+        "bus_shelter": lambda: street_furniture.bus_shelter(variant),
+        "hedge": lambda: hedge(3.0, 1.2 + 0.1 * variant, 0.6, variant, "low"),
+    }
+    return makers[name]()
+
 
 LAMP_STEP_M = 30.0
 """Distance of lamps on one side of a street [m]."""

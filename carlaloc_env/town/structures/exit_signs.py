@@ -22,11 +22,11 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.grade_levels import WALL_M
 from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.lanes.records import Lane
+from carlaloc_env.town.lanes.lanes import Lane
+from carlaloc_env.town.meshing.batches import PropField
 from carlaloc_env.town.meshing.polygons import Area
-from carlaloc_env.town.meshing.prop_batches import PropField
+from carlaloc_env.town.structures.bridges import PARAPET_M
 from carlaloc_env.town.structures.guard_rails import FAST_MPS
-from carlaloc_env.town.structures.parapets import PARAPET_M
 
 ADVANCE_M, OVERHEAD_M, MARKERS_M = 1000.0, (500.0, 0.0), (300.0, 200.0, 100.0)
 """How far before the lanes part: the board on the verge, cantilevers, countdown markers [m]."""

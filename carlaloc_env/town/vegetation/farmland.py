@@ -15,10 +15,10 @@ from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Colour
-from carlaloc_env.town.ground.land_raster import Land
+from carlaloc_env.town.ground.terrain import Land
+from carlaloc_env.town.meshing.batches import PropField
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.meshing.polygons import Area, areas_only, polygons_of, rings, triangulate
-from carlaloc_env.town.meshing.prop_batches import PropField
 from carlaloc_env.town.vegetation.planting import PROTOTYPES, put_bushes, tree_detail
 
 VERGE_M = 5.5

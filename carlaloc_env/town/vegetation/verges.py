@@ -12,9 +12,9 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.buildings.building_lots import frontages
 from carlaloc_env.town.ground.height_fields import densify
-from carlaloc_env.town.ground.land_raster import Land
+from carlaloc_env.town.ground.terrain import Land
+from carlaloc_env.town.meshing.batches import PropField
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
-from carlaloc_env.town.meshing.prop_batches import PropField
 from carlaloc_env.town.vegetation.planting import put_bushes, put_trees, rights
 
 STRETCH_M = (70.0, 190.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from carlaloc_env.town.lanes.records import SIGN_CODES
+from carlaloc_env.town.lanes.lanes import SIGN_CODES
 from maps.authoring.elements.ids import CONTROLLER, OBJECT, SIGNAL, Numbers
 from maps.authoring.elements.junctions import Movement, turn_angle
 from maps.authoring.elements.map_parts import (

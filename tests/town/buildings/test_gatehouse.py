@@ -10,11 +10,11 @@ import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.town.buildings.gatehouse import WING_CLEARANCE_M
+from carlaloc_env.town.buildings.buildings import WING_CLEARANCE_M
 from carlaloc_env.town.config import Feature, TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.routing.route import plan_route
-from carlaloc_env.town.street.landmarks import feature_lamps, feature_mesh, roofed_sites, sites
+from carlaloc_env.town.street.site_plan import feature_lamps, feature_mesh, roofed_sites, sites
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
 

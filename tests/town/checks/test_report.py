@@ -11,8 +11,8 @@ from scipy.integrate import quad
 from shared_fixtures.worlds.maps import CROSSING, VILLAGE, carla_map
 from shared_fixtures.worlds.plain_maps import PlainMap, PlainRoad
 
-from carlaloc_env.town.checks.problem import Problem
 from carlaloc_env.town.checks.report import MapReport, check_map, grouped, write_waypoints_csv
+from carlaloc_env.town.checks.roads import Problem
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.sources import known_towns
 

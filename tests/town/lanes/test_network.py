@@ -11,7 +11,7 @@ from shared_fixtures.worlds.maps import CROSSING
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.lanes.records import Lane
+from carlaloc_env.town.lanes.lanes import Lane
 
 # Legs 1 to 4 leave the crossing eastwards, northwards, westwards and southwards.
 OUTWARD = {"1": 0.0, "2": math.pi / 2, "3": math.pi, "4": -math.pi / 2}

@@ -6,7 +6,7 @@ import pytest
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.scene.mesh import EGO_INSTANCE
-from carlaloc_env.town.meshing.instance_ids import InstanceIds
+from carlaloc_env.town.meshing.batches import InstanceIds
 
 
 def test_ids_follow_each_other_and_none_comes_twice() -> None:

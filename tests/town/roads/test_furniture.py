@@ -16,9 +16,9 @@ from carlaloc_env.town.ground.terrain import zone_areas
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import strip_polygon
-from carlaloc_env.town.roads.carriageways import casting_ends
+from carlaloc_env.town.roads.junction_surfaces import casting_ends
+from carlaloc_env.town.roads.junction_wear import SLAB_M, add_sidewalk_wear
 from carlaloc_env.town.roads.road_wear import add_road_details
-from carlaloc_env.town.roads.sidewalk_wear import SLAB_M, add_sidewalk_wear
 from carlaloc_env.town.street.street_furniture import Furnisher
 
 MAPS = pathlib.Path(__file__).parents[3] / "maps"

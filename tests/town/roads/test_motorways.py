@@ -12,8 +12,8 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.town.roads.carriageways import add_roads
-from carlaloc_env.town.roads.motorways import is_fast
+from carlaloc_env.town.roads.junction_surfaces import add_roads
+from carlaloc_env.town.roads.road_classes import is_fast
 from carlaloc_env.town.roads.road_wear import add_road_details
 
 MAPS = pathlib.Path(__file__).parents[3] / "maps"

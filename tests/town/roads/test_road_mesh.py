@@ -13,7 +13,7 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.grade_separation import find_levels
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.ground.terrain import Zones
-from carlaloc_env.town.lanes.records import Lane
+from carlaloc_env.town.lanes.lanes import Lane
 from carlaloc_env.town.roads.sidewalks import KERB_STONE_M, RAMP_M
 from carlaloc_env.town.town import Town
 

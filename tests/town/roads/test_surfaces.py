@@ -13,7 +13,7 @@ from shared_fixtures.worlds.towns import town_network
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.meshing.polygons import strip_polygon
-from carlaloc_env.town.roads.gore_hatching import gore_bars
+from carlaloc_env.town.roads.surfaces import gore_bars
 
 
 def test_kerbs_drop_at_crosswalks(tmp_path: Path) -> None:

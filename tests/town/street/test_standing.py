@@ -13,10 +13,9 @@ from carlaloc_env.scene.materials import LEGACY_PALETTE_RGB, Material, Tag, tags
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.buildings.building_lots import place_lots
-from carlaloc_env.town.ground.land_raster import CELL_M, Raster
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.ground.paved_areas import town_areas
-from carlaloc_env.town.ground.terrain import zone_areas
+from carlaloc_env.town.ground.terrain import LAND_CELL_M, Raster, zone_areas
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
 
@@ -191,9 +190,9 @@ def test_raster_distances_never_exceed_the_true_ones() -> None:
     xy = np.random.default_rng(3).uniform([1.0, 1.0], [59.0, 39.0], (4000, 2))
     found = Raster(bounds, [shape]).distance_m(xy)
     truth = shapely.distance(shape, shapely.points(xy))
-    outside = truth > 2.0 * CELL_M
+    outside = truth > 2.0 * LAND_CELL_M
     assert (found[outside] <= truth[outside]).all()
-    assert (found[outside] > truth[outside] - 3.0 * CELL_M).all()
-    inside = shapely.contains_xy(shapely.buffer(shape, -CELL_M), xy[:, 0], xy[:, 1])
+    assert (found[outside] > truth[outside] - 3.0 * LAND_CELL_M).all()
+    inside = shapely.contains_xy(shapely.buffer(shape, -LAND_CELL_M), xy[:, 0], xy[:, 1])
     assert (found[inside] < 0.0).all()
     assert Raster(bounds, [shape]).distance_m(np.array([[-1.0, 5.0], [61.0, 5.0]])).max() < 0.0

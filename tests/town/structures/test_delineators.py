@@ -9,10 +9,10 @@ from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.ground.grade_levels import Waysides, road_edges
 from carlaloc_env.town.ground.ground_plan import Groundwork, lay_groundwork
-from carlaloc_env.town.ground.road_edges import Waysides, road_edges
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.town.structures.delineators import against_traffic, delineator_feet, spacing_m
+from carlaloc_env.town.structures.guard_rails import against_traffic, delineator_feet, spacing_m
 
 
 def arc(radius_m: float, length_m: float = 200.0) -> Array:

@@ -12,8 +12,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.ground_plan import Groundwork, lay_groundwork
-from carlaloc_env.town.meshing.instance_ids import InstanceIds
-from carlaloc_env.town.meshing.prop_batches import PropField
+from carlaloc_env.town.meshing.batches import InstanceIds, PropField
 from carlaloc_env.town.sources import find_town
 from carlaloc_env.town.structures.exit_signs import MARKERS_M, OVERHEAD_M, SHIFTS_M, add_exit_signs, exits
 

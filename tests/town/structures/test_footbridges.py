@@ -10,8 +10,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.config import Feature
 from carlaloc_env.town.structures.footbridges import (
-    CLEAR_M,
     DEPTH_M,
+    FOOTBRIDGE_CLEAR_M,
     PIER_CLEAR_M,
     RAILING_M,
     footbridge,
@@ -47,7 +47,7 @@ def test_it_leaves_the_clear_height_over_every_lane(bridge: Mesh) -> None:
     over = over[shapely.contains_xy(CARRIAGEWAYS, over[:, 0], over[:, 1])]
     free = cast(bridge, np.column_stack([over, np.ones(len(over))]), (0.0, 0.0, 1.0))
     assert np.isfinite(free).mean() > 0.6
-    np.testing.assert_allclose(free[np.isfinite(free)].min(), CLEAR_M, atol=0.01)
+    np.testing.assert_allclose(free[np.isfinite(free)].min(), FOOTBRIDGE_CLEAR_M, atol=0.01)
 
 
 def test_one_can_walk_from_the_ground_over_it_and_down_again(bridge: Mesh) -> None:
@@ -59,11 +59,13 @@ def test_one_can_walk_from_the_ground_over_it_and_down_again(bridge: Mesh) -> No
     assert np.isfinite(top).all()
     assert np.abs(np.diff(top)).max() < 0.17
     assert top[[0, -1]].max() < 1.25
-    np.testing.assert_allclose(top.max(), 1.0 + CLEAR_M + DEPTH_M, atol=0.01)
+    np.testing.assert_allclose(top.max(), 1.0 + FOOTBRIDGE_CLEAR_M + DEPTH_M, atol=0.01)
 
 
 def test_railings_keep_walkers_on_it(bridge: Mesh) -> None:
-    eyes = np.column_stack([np.full(40, 5.0), np.linspace(-24, 24, 40), np.full(40, 1.0 + CLEAR_M + DEPTH_M)])
+    eyes = np.column_stack(
+        [np.full(40, 5.0), np.linspace(-24, 24, 40), np.full(40, 1.0 + FOOTBRIDGE_CLEAR_M + DEPTH_M)]
+    )
     for height in (0.38, 0.72, RAILING_M):
         for side in (1.0, -1.0):
             gap = cast(bridge, eyes + np.array([0.0, 0.0, height]), (side, 0.0, 0.0))

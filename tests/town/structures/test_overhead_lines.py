@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.town.structures.overhead_lines import catenary_m
+from carlaloc_env.town.structures.masts import catenary_m
 
 
 def test_wires_hang_as_catenaries() -> None:

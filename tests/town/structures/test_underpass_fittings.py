@@ -10,7 +10,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.grade_levels import Stretch
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.town.structures.underpass_fittings import (
+from carlaloc_env.town.structures.underpasses import (
     LAMP_ROWS,
     STATION_M,
     STATION_STEP_M,

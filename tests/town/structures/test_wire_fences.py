@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.grade_levels import RoadEdge, State, Waysides
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
-from carlaloc_env.town.ground.road_edges import RoadEdge, Waysides
 from carlaloc_env.town.ground.terrain import Terrain, Zones
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.town.structures.wire_fences import AWAY_M, CLEAR_M, POST_M, add_wire_fences
+from carlaloc_env.town.structures.guard_rails import CLEAR_M, FENCE_AWAY_M, POST_M, add_wire_fences
 
 LENGTH = 200
 LINE = np.column_stack([np.arange(LENGTH + 1.0), np.zeros(LENGTH + 1), np.full(LENGTH + 1, 2.0)])
@@ -56,7 +55,7 @@ def test_a_fence_runs_beside_the_whole_road_on_the_ground(ground: Terrain) -> No
     along, across, height = seen.vertices_m.T
     assert along.min() < 0.1
     assert along.max() > LENGTH - 0.1
-    np.testing.assert_allclose(across, -AWAY_M, atol=0.06)
+    np.testing.assert_allclose(across, -FENCE_AWAY_M, atol=0.06)
     assert height.max() == pytest.approx(2.0 + POST_M, abs=0.01)
     assert height.min() < 2.0
     assert solid.vertices_m[:, 2].max() == pytest.approx(2.0 + POST_M, abs=0.01)
