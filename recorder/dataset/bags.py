@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.samples import Sample
-from recorder.bags.opening import open_bag, refused_in_one_line
+from recorder.bags import open_bag, refused_in_one_line
 from recorder.writers.topics import TopicProfile
 
 __all__ = ["messages", "open_bag", "stamp_ns", "topic_of", "topics_in"]

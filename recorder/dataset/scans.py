@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from recorder.bags.opening import open_bag, refused_in_one_line
+from recorder.bags import open_bag, refused_in_one_line
 from recorder.dataset.clouds import (
     LIVOX,
     POINT_CLOUD,

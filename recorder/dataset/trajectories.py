@@ -11,7 +11,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from recorder.bags.opening import open_bag, refused_in_one_line
+from recorder.bags import open_bag, refused_in_one_line
 from recorder.dataset.bags import stamp_ns
 from recorder.dataset.transform_tree import TF_TYPES, messages_of, read_tree
 from recorder.evaluation.pose_order import in_order

@@ -17,8 +17,7 @@ from shared_fixtures.readings import dressed_clouds as clouds
 from shared_fixtures.readings.dressed_clouds import TOPIC, Dressing, dressed
 
 from carlaloc_env.core.errors import EvaluationError
-from recorder.bags.opening import open_bag
-from recorder.bags.type_stores import _distribution
+from recorder.bags import _distribution, open_bag
 from recorder.dataset.scans import read_scans
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
