@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from recorder.benchmark.results import Score
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
-from recorder.benchmark.score import Score
 from recorder.dataset.sequence import SlamSequence
 from recorder.slam.system import MIDDLE, FrameClock, StampedPose, System
 

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from recorder.benchmark.answers import FINDINGS, kind_of
-from recorder.benchmark.cells import cells, pairs_of
+from recorder.benchmark.cells import FINDINGS, cells, kind_of, pairs_of
 from recorder.benchmark.tables import titles_of
 
 PANELS = (

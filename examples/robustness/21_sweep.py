@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.results import BenchmarkConfig
 from recorder.replaying.plan import ReplayOptions
 from recorder.streaming.drive import DriveConfig
 from recorder.sweep.curves import areas_of, curves_of

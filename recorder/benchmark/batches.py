@@ -16,10 +16,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from recorder.benchmark.config import BenchmarkConfig, cores
 from recorder.benchmark.plan import Job
-from recorder.benchmark.results import keep, keep_shared, run_job
-from recorder.benchmark.score import Score
+from recorder.benchmark.results import BenchmarkConfig, Score, cores, keep, keep_shared, run_job
 from recorder.dataset.layout import DatasetFolder
 from recorder.dataset.sequence import SEGMENTED
 from recorder.replaying.replay import replay

@@ -1,4 +1,7 @@
-"""The report of a benchmark as one self-contained HTML page, for a phone and a wide screen."""
+"""The report of a benchmark as one self-contained HTML page, for a phone and a wide screen.
+
+Recordings of rerun of a benchmark: each sequence with what all systems made of it.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +25,12 @@ from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.benchmark.run import BenchmarkResult
 from recorder.benchmark.tables import RULE, Tables, all_tables, frame_of, titles_of
 from recorder.dataset.layout import SequenceFolder
-from recorder.dataset.sequence import RAW
+from recorder.dataset.sequence import RAW, SlamSequence
 from recorder.evaluation.path_errors import PathErrors
 from recorder.report.lane_lines import lane_lines_of
 from recorder.report.mosaic import panels_in
 from recorder.report.trajectory_plot import COLOURS
+from recorder.view.sequence_view import record_sequence
 
 PAGE = "report.html"
 STILLS, STILL_WIDTH_PX = 24, 480
@@ -168,3 +172,26 @@ def _jpeg(image: U8) -> str:
     small = cv2.resize(picture, (width_px, round(width_px * height / width)), interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 60])
     return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
+
+
+FOLDER = "recordings"
+"""Where they lie below the results."""
+
+
+def write_recordings(result: BenchmarkResult) -> list[Path]:
+    """Write a recording of each sequence with the first run of every system; older ones are replaced.
+
+    Raises:
+        OutputError: a file may not be written.
+        MissingDependencyError: rerun is not installed.
+    """
+    found = [(job.sequence, errors) for job, errors in result.errors() if job.run == 1]
+    return [
+        record_sequence(
+            SlamSequence(sequence.path),
+            result.out / FOLDER / f"{sequence.key}.rrd",
+            estimates=[errors for at, errors in found if at == sequence],
+            overwrite=True,
+        )
+        for sequence in result.sequences
+    ]

@@ -1,4 +1,9 @@
-"""Results of runs on the disk: each is kept with what it depends on, and holds while that is the same."""
+"""Results of runs on the disk: each is kept with what it depends on, and holds while that is the same.
+
+Configuration of a benchmark.
+
+The score of a run: errors of its estimate, what it cost, and whether it counts as failed.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +11,190 @@ import hashlib
 import json
 import os
 import threading
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from carlaloc_env.core.errors import CarlaLocError, ConfigError, unknown_name
 from carlaloc_env.core.files.output_paths import atomic_write
-from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.plan import BenchmarkSequence, Job
-from recorder.benchmark.score import Score, score_run
 from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence
+from recorder.evaluation.align import attitude_errors_deg
+from recorder.evaluation.associate import Association
+from recorder.evaluation.evaluate import evaluate
+from recorder.evaluation.failure import FailRule
+from recorder.evaluation.metrics import Metric
+from recorder.evaluation.path_errors import PathErrors
+from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.supervisor import RunRecord, run_isolated
+from recorder.slam.worker import ESTIMATE
+from recorder.streaming.drive import DriveConfig
+
+AGAIN = ("failed", "all")
+"""Which kept results may be made again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchmarkConfig:
+    """What to run and how."""
+
+    data: Path | DriveConfig
+    """Folder with sequences, or drives that are read as they are made."""
+    out: Path
+    """Folder of the results; those that lie there already are not run again."""
+    methods: tuple[str, ...] = ()
+    """Names or files of systems; empty: all that are installed."""
+    runs: int = 1
+    """Repetitions, since systems are not deterministic."""
+    workers: int = 1
+    """Runs at a time, each on its own cores."""
+    cluster: str | None = None
+    """Address of a Dask scheduler whose workers run systems over drives; None: this machine."""
+    clouds: tuple[str, ...] = (RAW, SEGMENTED)
+    """Which points LiDAR systems get."""
+    limit_per_second: float = 20.0
+    """Longest time of a run by the length of its sequence."""
+    rule: FailRule = field(default_factory=FailRule)
+    """When a run counts as failed."""
+    again: str | None = None
+    """Which kept results are made again: ``failed`` or ``all`` of them; None: none."""
+
+    def __post_init__(self) -> None:
+        found = len(cores())
+        if not 1 <= self.workers <= found:
+            raise ConfigError(f"{self.workers} workers; this machine has {found} cores, one run needs one")
+        for cloud in self.clouds:
+            if cloud not in (RAW, SEGMENTED):
+                raise ConfigError(f"no clouds '{cloud}'; choose from {RAW}, {SEGMENTED}")
+        if self.again not in (None, *AGAIN):
+            raise ConfigError(unknown_name("results", str(self.again), AGAIN))
+        if self.cluster is not None and isinstance(self.data, Path):
+            raise ConfigError("a cluster runs systems over drives; give drives (.mcap), or no cluster")
+
+
+def cores() -> tuple[int, ...]:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return tuple(sorted(os.sched_getaffinity(0)))
+    return tuple(range(os.cpu_count() or 1))
+
+
+ERRORS = "errors.npz"
+"""File with the errors of all poses of a run."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """One run in figures; NaN where there is none."""
+
+    dataset: str
+    town: str
+    weather: str
+    traffic: str
+    cloud: str
+    method: str
+    title: str
+    run: int
+    version: str
+    failed: str | None
+    """Why it counts as failed; None: it does not."""
+    ape_m: float = float("nan")
+    """Position error, RMSE [m]."""
+    ape_deg: float = float("nan")
+    """Rotation error as evo has it, behind a fit of positions, RMSE [deg]."""
+    attitude_deg: float = float("nan")
+    """Rotation error behind a fit of the attitudes themselves, RMSE [deg]."""
+    rpe_paper_m: float = float("nan")
+    """The paper's relative error, RMSE [m]."""
+    rpe_m: float = float("nan")
+    """evo's relative error, RMSE [m]."""
+    kitti_percent: float = float("nan")
+    """Mean drift over KITTI's segments [%]."""
+    kitti_deg_per_m: float = float("nan")
+    """Mean turn over KITTI's segments [deg/m]."""
+    coverage: float = 0.0
+    """Share of the frames that have a pose, 0–1."""
+    alignment: str = ""
+    """What was fitted."""
+    visual: bool = False
+    """Whether it reads images."""
+    frame: str = ""
+    """Frame whose truth it was compared with."""
+    instant: float = 0.0
+    """Instant within a sweep that its poses belong to, 0–1."""
+    length_m: float = float("nan")
+    """Length of the true path [m]."""
+    movers: float = 0.0
+    """Largest share of movers of the sequence's streams, 0–1."""
+    real_time: float = float("nan")
+    """Median time of a frame by the time between frames; below 1 keeps up."""
+    frame_median_s: float = float("nan")
+    frame_p99_s: float = float("nan")
+    wall_s: float = float("nan")
+    cpu_s: float = float("nan")
+    peak_memory_mb: float = float("nan")
+    cores: int = 0
+
+
+def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Score:
+    """The score of a run that has ended, however it did; its errors are kept beside its estimate.
+
+    Errors are against the truth of the system's own frame, interpolated to the stamps of its poses.
+    """
+    sequence, system = SlamSequence(job.sequence.path), job.system
+    costs = ("version", "wall_s", "cpu_s", "peak_memory_mb", "cores", "frame_median_s", "frame_p99_s")
+    known: dict[str, Any] = {
+        **{name: getattr(job.sequence, name) for name in ("dataset", "town", "weather", "traffic", "movers")},
+        **{name: getattr(record, name) for name in costs},
+        "cloud": job.cloud,
+        "method": system.name,
+        "title": system.title,
+        "run": job.run,
+        "visual": system.is_visual,
+        "frame": system.frame,
+        "instant": system.instant,
+        "alignment": system.alignment.value,
+    }
+    if record.error is not None:
+        return Score(**known, failed=record.error)
+    try:
+        result = evaluate(
+            read_tum(sequence.truth_file(system.frame)),
+            read_tum(folder / ESTIMATE),
+            alignment=system.alignment,
+            association=Association.INTERPOLATED,
+            # A sweep's end may lie an interval past the last true pose.
+            expected=max(record.frames - 1, 1),
+        )
+    except CarlaLocError as error:
+        return Score(**known, failed=str(error))
+    PathErrors.of(result, job.title).save(folder / ERRORS)
+    sensor = sequence.lidar if system.sensor == "lidar" else sequence.stereo[0]
+    return Score(
+        **known,
+        failed=rule.why_failed(result),
+        ape_m=result.statistics[Metric.APE_TRANSLATION].rmse,
+        ape_deg=result.statistics[Metric.APE_ROTATION].rmse,
+        attitude_deg=float(np.sqrt(np.mean(attitude_errors_deg(result.truth, result.estimate) ** 2))),
+        rpe_paper_m=result.statistics[Metric.RPE_PAPER].rmse,
+        rpe_m=result.statistics[Metric.RPE_TRANSLATION].rmse,
+        kitti_percent=_mean([(s.translation_percent, s.segments) for s in result.segments]),
+        kitti_deg_per_m=_mean([(s.rotation_deg_per_m, s.segments) for s in result.segments]),
+        coverage=result.coverage,
+        length_m=result.truth.length_m,
+        real_time=record.frame_median_s * float(sensor.rate_hz),
+    )
+
+
+def _mean(weighted: list[tuple[float, int]]) -> float:
+    """Mean of values by their weights; NaN if all of those are 0."""
+    weight = sum(count for _, count in weighted)
+    return sum(value * count for value, count in weighted) / weight if weight else float("nan")
+
 
 RESULT = "result.json"
 """File of a run with its score."""

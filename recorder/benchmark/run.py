@@ -12,10 +12,17 @@ from pathlib import Path
 from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError
 from carlaloc_env.core.files.config_files import last_line
 from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
-from recorder.benchmark.config import BenchmarkConfig, cores
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
-from recorder.benchmark.results import fingerprint_of, keep, read_result, run_job
-from recorder.benchmark.score import ERRORS, Score
+from recorder.benchmark.results import (
+    ERRORS,
+    BenchmarkConfig,
+    Score,
+    cores,
+    fingerprint_of,
+    keep,
+    read_result,
+    run_job,
+)
 from recorder.evaluation.path_errors import PathErrors
 from recorder.replaying.unit_work import STOP
 from recorder.replaying.workers import DaskCluster, Task, ThisProcess, Workers, progress_of, run_tasks

@@ -10,9 +10,8 @@ from pathlib import Path
 import pandas as pd
 
 from carlaloc_env.core.errors import EvaluationError
-from recorder.benchmark.answers import NO_SYSTEM, answers_table
-from recorder.benchmark.cells import CONDITION, best, cells, ratios, traffic_label
-from recorder.benchmark.score import Score
+from recorder.benchmark.cells import CONDITION, NO_SYSTEM, answers_table, best, cells, ratios, traffic_label
+from recorder.benchmark.results import Score
 from recorder.dataset.sequence import RAW
 
 RULE = (

@@ -9,9 +9,8 @@ from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, MissingDependencyError
 from carlaloc_env.core.files.output_paths import path_below
-from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.results import BenchmarkConfig, Score
 from recorder.benchmark.run import run_benchmark
-from recorder.benchmark.score import Score
 from recorder.breaking.space import STEP, Range, distance, setting_at
 from recorder.evaluation.failure import FailRule
 from recorder.sweep.plan import Point, SweepConfig, sequences_of_points

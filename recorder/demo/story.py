@@ -14,9 +14,9 @@ from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.parameters import weather_by_name
+from recorder.benchmark.results import Score
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
 from recorder.benchmark.run import Progress as RunProgress
-from recorder.benchmark.score import Score
 from recorder.dataset.sequence import RAW
 from recorder.episode.episode import Episode, open_episode
 from recorder.episode.town import town_of

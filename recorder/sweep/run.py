@@ -7,10 +7,8 @@ from dataclasses import asdict, dataclass
 
 import pandas as pd
 
-from recorder.benchmark.config import BenchmarkConfig
-from recorder.benchmark.results import read_shared
+from recorder.benchmark.results import BenchmarkConfig, Score, read_shared
 from recorder.benchmark.run import BenchmarkResult, Progress, run_benchmark
-from recorder.benchmark.score import Score
 from recorder.sweep.plan import Point, SweepConfig, points_of, sequences_of_points
 
 

@@ -13,9 +13,8 @@ from types import SimpleNamespace
 import pytest
 
 from carlaloc_env.core.errors import EvaluationError
-from recorder.benchmark.answers import FINDINGS, LARGER, NONE, Finding, answer, direction
-from recorder.benchmark.cells import cells, ratios
-from recorder.benchmark.score import Score
+from recorder.benchmark.cells import FINDINGS, LARGER, NONE, Finding, answer, cells, direction, ratios
+from recorder.benchmark.results import Score
 from recorder.benchmark.tables import csv_text, failure_table, frame_of
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "findings" / "findings.py"

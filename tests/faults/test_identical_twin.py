@@ -15,7 +15,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.bags import open_bag
-from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.results import BenchmarkConfig
 from recorder.benchmark.run import run_benchmark
 from recorder.cli.main import main
 from recorder.dataset.layout import SequenceFolder

@@ -21,7 +21,7 @@ from shared_fixtures.processes.small_disks import small_disk
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.errors import CarlaLocError, EpisodeError
-from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.results import BenchmarkConfig
 from recorder.benchmark.run import BenchmarkResult, run_benchmark
 from recorder.cli.main import main
 from recorder.replaying.plan import ReplayOptions

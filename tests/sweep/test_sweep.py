@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from shared_fixtures.drives.straight_drives import RIG
 
-from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.results import BenchmarkConfig
 from recorder.benchmark.run import run_benchmark
 from recorder.cli.main import main
 from recorder.drive.record import RecordConfig, record

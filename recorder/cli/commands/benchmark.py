@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     tables = all_tables(runs)
     files = [*write_tables(runs, tables, out), write_page(result, tables)]
     if arguments.rerun:
-        from recorder.benchmark.recordings import write_recordings
+        from recorder.benchmark.page import write_recordings
 
         files += write_recordings(result)
     failures = result.failures
@@ -150,7 +150,7 @@ def check_tools() -> None:
 
 def show(result: dict[str, Any]) -> None:
     """Print the tables of errors and cost, and a line for each failed run."""
-    from recorder.benchmark.score import Score
+    from recorder.benchmark.results import Score
     from recorder.benchmark.tables import all_tables, frame_of
 
     for title, table in all_tables(frame_of([Score(**score) for score in result["scores"]])):

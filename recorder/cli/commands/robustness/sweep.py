@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the sweep."""
     check_tools()
-    from recorder.benchmark.config import BenchmarkConfig
+    from recorder.benchmark.results import BenchmarkConfig
     from recorder.sweep.plan import SweepConfig
     from recorder.sweep.report import write_report
     from recorder.sweep.run import run_sweep
