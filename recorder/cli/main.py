@@ -17,8 +17,7 @@ from typing import NoReturn, cast
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import CarlaLocError, UsageError
 from recorder.cli.arguments import check_outputs, shared_options
-from recorder.cli.interrupts import ended_as_by_ctrl_c
-from recorder.cli.json_output import to_json
+from recorder.cli.terminal import ended_as_by_ctrl_c, to_json
 
 COMMANDS = (
     "demo", "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "odometry", "evaluate",

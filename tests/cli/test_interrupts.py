@@ -9,8 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from recorder.cli.interrupts import ended_as_by_ctrl_c, raise_again
-from recorder.cli.progress import Progress
+from recorder.cli.terminal import Progress, ended_as_by_ctrl_c, raise_again
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals as on POSIX")
 

@@ -14,8 +14,8 @@ from shared_fixtures.processes.commands import all_commands, required_words
 
 from recorder.cli.arguments import input_path
 from recorder.cli.commands import info
-from recorder.cli.json_output import to_json
 from recorder.cli.main import main
+from recorder.cli.terminal import to_json
 
 Capture = pytest.CaptureFixture[str]
 COMMANDS = [pytest.param(words, parser, id=" ".join(words)) for words, parser in all_commands()]

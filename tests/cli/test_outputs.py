@@ -10,7 +10,7 @@ from shared_fixtures.processes.commands import all_commands, is_output, required
 
 from carlaloc_env.core.errors import OutputError
 from carlaloc_env.core.files.output_paths import check_output_file, check_output_folder
-from recorder.cli import arguments as kinds
+from recorder.cli import arguments
 from recorder.cli.main import main
 
 CONTENT = b"bytes of a drive that nobody can make again"
@@ -27,8 +27,8 @@ NAMES_THAT_ARE_READ = {
 }  # fmt: skip
 """Options that are plain text. Whoever adds one says here that it names nothing that is written."""
 VALUES = (
-    int, float, kinds.names, kinds.number, kinds.numbers, kinds.seconds, kinds.positive_seconds,
-    kinds.positive_int, kinds.seed, kinds.number_or_search,
+    int, float, arguments.names, arguments.number, arguments.numbers, arguments.seconds, arguments.positive_seconds,
+    arguments.positive_int, arguments.seed, arguments.number_or_search,
 )  # fmt: skip
 
 Words, Parser, Action = tuple[str, ...], argparse.ArgumentParser, argparse.Action
@@ -44,7 +44,7 @@ def test_every_option_is_of_a_known_kind() -> None:
     """A path is read or written, and its kind says which."""
     for words, parser in all_commands():
         for action in parser._actions:
-            if action.nargs == 0 or is_output(action) or action.type is kinds.input_path:
+            if action.nargs == 0 or is_output(action) or action.type is arguments.input_path:
                 continue
             if action.type is None:
                 assert action.choices or action.dest in NAMES_THAT_ARE_READ, (*words, action.dest)
@@ -58,9 +58,9 @@ def test_what_exists_is_kept(
     words: Words, parser: Parser, action: Action, tmp_path: Path, capfd: Capture
 ) -> None:
     """A file of the right kind and one of another, with `--force` and without."""
-    suffixes = action.type.suffixes if isinstance(action.type, kinds.OutputFile) else ("",)
+    suffixes = action.type.suffixes if isinstance(action.type, arguments.OutputFile) else ("",)
     forces = "--force" in parser._option_string_actions
-    assert forces or isinstance(action.type, kinds.OutputFolder)
+    assert forces or isinstance(action.type, arguments.OutputFolder)
     for suffix in {*suffixes, ".mcap", ".txt"}:
         there = tmp_path / f"there{suffix}"
         there.write_bytes(CONTENT)
@@ -80,8 +80,8 @@ def test_what_is_read_is_not_written(
     words: Words, parser: Parser, action: Action, tmp_path: Path, capfd: Capture
 ) -> None:
     """Not even with `--force` a command writes over its own input."""
-    inputs = [a for a in parser._actions if a.type is kinds.input_path]
-    if not inputs or not isinstance(action.type, kinds.OutputFile):
+    inputs = [a for a in parser._actions if a.type is arguments.input_path]
+    if not inputs or not isinstance(action.type, arguments.OutputFile):
         pytest.skip("reads no file, or writes a folder")
     path = tmp_path / f"a{action.type.suffixes[0]}"
     path.write_bytes(CONTENT)

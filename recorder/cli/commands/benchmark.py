@@ -23,9 +23,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError, UsageError
-from recorder.cli.arguments import OutputFolder, config_of, input_path, names, number, option, positive_int
-from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_condition_options, add_stretch_options, drive_config
+from recorder.cli.arguments import (
+    OutputFolder,
+    add_condition_options,
+    add_stretch_options,
+    config_of,
+    drive_config,
+    input_path,
+    names,
+    number,
+    option,
+    positive_int,
+)
+from recorder.cli.terminal import Progress
 
 if TYPE_CHECKING:
     from recorder.streaming.drive import DriveConfig

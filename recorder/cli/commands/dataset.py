@@ -13,10 +13,17 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import UsageError
-from recorder.cli.arguments import OutputFolder, input_path, names, option, positive_seconds, seed
-from recorder.cli.log_file import logged_to
-from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_replay_options, replay_options
+from recorder.cli.arguments import (
+    OutputFolder,
+    add_replay_options,
+    input_path,
+    names,
+    option,
+    positive_seconds,
+    replay_options,
+    seed,
+)
+from recorder.cli.terminal import Progress, logged_to
 
 if TYPE_CHECKING:
     from recorder.factory.plan import DatasetConfig, DatasetPlan

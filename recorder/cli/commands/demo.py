@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from recorder.cli.arguments import OutputFolder, option, positive_seconds, seconds
-from recorder.cli.progress import Progress
+from recorder.cli.terminal import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

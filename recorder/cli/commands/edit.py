@@ -17,7 +17,7 @@ from typing import Any
 from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import OutputFile, force_option, input_path, option, seed, shared_options
-from recorder.cli.progress import Progress
+from recorder.cli.terminal import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -141,7 +141,7 @@ def _judge_maps(
     arguments: argparse.Namespace, result: EvaluationResult
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Scores of maps as JSON values, and their pictures."""
-    from recorder.cli.progress import Progress
+    from recorder.cli.terminal import Progress
     from recorder.map_truth.evaluate_map import MapJudge, MapTruthConfig, transform_of_map
     from recorder.map_truth.map_files import read_map
 

@@ -12,7 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 from recorder.cli.arguments import OutputFolder, config_of, input_path, option, positive_int
-from recorder.cli.progress import Progress
+from recorder.cli.terminal import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

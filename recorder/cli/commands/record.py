@@ -29,7 +29,7 @@ from recorder.cli.arguments import (
     positive_seconds,
     seed,
 )
-from recorder.cli.progress import Progress
+from recorder.cli.terminal import Progress
 from recorder.devices.names import HUMAN, wants_window
 from recorder.drive.real_time_pacer import SLOW
 

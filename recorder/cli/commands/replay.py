@@ -12,9 +12,18 @@ from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from recorder.cli.arguments import config_of, input_path, option, positive_int, positive_seconds, seconds
-from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_replay_options, add_stretch_options, replay_options
+from recorder.cli.arguments import (
+    add_replay_options,
+    add_stretch_options,
+    config_of,
+    input_path,
+    option,
+    positive_int,
+    positive_seconds,
+    replay_options,
+    seconds,
+)
+from recorder.cli.terminal import Progress
 
 if TYPE_CHECKING:
     from recorder.replaying.plan import ReplayConfig

@@ -17,6 +17,8 @@ from typing import Any
 from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import (
     OutputFolder,
+    add_condition_options,
+    condition_options,
     config_of,
     input_path,
     number,
@@ -25,8 +27,7 @@ from recorder.cli.arguments import (
     positive_seconds,
 )
 from recorder.cli.commands.benchmark import check_tools
-from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_condition_options, condition_options
+from recorder.cli.terminal import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -27,7 +27,7 @@ from recorder.cli.arguments import (
     positive_int,
     positive_seconds,
 )
-from recorder.cli.progress import Progress
+from recorder.cli.terminal import Progress
 
 if TYPE_CHECKING:
     from recorder.closed_loop.run import DriveScore

@@ -21,15 +21,17 @@ from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.cli.arguments import (
     OutputFolder,
+    add_condition_options,
+    add_stretch_options,
     config_of,
+    drive_config,
     input_path,
     names,
     option,
     positive_int,
     positive_seconds,
 )
-from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_condition_options, add_stretch_options, drive_config
+from recorder.cli.terminal import Progress
 
 if TYPE_CHECKING:
     from recorder.consistency.run import ConsistencyResult

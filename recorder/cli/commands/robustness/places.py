@@ -11,8 +11,16 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from recorder.cli.arguments import OutputFolder, config_of, force_option, input_path, names, number, option
-from recorder.cli.replay_options import add_stretch_options
+from recorder.cli.arguments import (
+    OutputFolder,
+    add_stretch_options,
+    config_of,
+    force_option,
+    input_path,
+    names,
+    number,
+    option,
+)
 
 TABLES = ("reference.csv", "query.csv", "pairs.csv", "scores.csv", "precision_recall.csv")
 """Files that are written."""
@@ -50,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Compare."""
-    from recorder.cli.progress import Progress
+    from recorder.cli.terminal import Progress
     from recorder.places.places import PlacesConfig, compare_places
 
     config = config_of(

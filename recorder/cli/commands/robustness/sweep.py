@@ -15,10 +15,19 @@ import argparse
 import sys
 from typing import Any
 
-from recorder.cli.arguments import OutputFolder, config_of, input_path, names, option, positive_int
+from recorder.cli.arguments import (
+    OutputFolder,
+    add_condition_options,
+    add_stretch_options,
+    config_of,
+    drive_config,
+    input_path,
+    names,
+    option,
+    positive_int,
+)
 from recorder.cli.commands.benchmark import check_tools
-from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_condition_options, add_stretch_options, drive_config
+from recorder.cli.terminal import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

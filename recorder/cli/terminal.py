@@ -1,14 +1,84 @@
-"""How far long work is: a bar on a terminal, elsewhere a line every ten seconds."""
+"""The terminal: progress, the end of a command on request, log files, results as JSON.
+
+How far long work is: a bar on a terminal, elsewhere a line every ten seconds.
+
+The end of a command on request: Ctrl-C, SIGTERM and a closed terminal are one and the same.
+
+A log file beside what a command shows.
+
+Results as JSON that every parser takes: no NaN, no objects of our own.
+"""
 
 from __future__ import annotations
 
+import json
+import logging
+import math
+import signal
 import sys
 import threading
 import time
-from contextlib import AbstractContextManager
-from typing import TextIO
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn, TextIO
 
-from recorder.cli.interrupts import raise_again
+import numpy as np
+
+
+class InterruptHandler:
+    """A signal handler that raises KeyboardInterrupt and remembers that it did.
+
+    Python drops an exception that rises in a finaliser or in a callback from C. Long work therefore
+    asks from time to time (`raise_again`) whether it has to end.
+    """
+
+    def __init__(self) -> None:
+        self.was_called = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> NoReturn:
+        """Take a signal.
+
+        Raises:
+            KeyboardInterrupt: always.
+        """
+        self.was_called = True
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def ended_as_by_ctrl_c() -> Iterator[None]:
+    """Let SIGTERM and a closed terminal end a command as Ctrl-C does, so that it cleans up."""
+    handler = InterruptHandler()
+    before: dict[int, Any] = {}
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        # Under nohup a closed terminal is ignored, and stays so.
+        wanted = (signal.SIG_DFL, signal.default_int_handler)
+        if number is not None and signal.getsignal(number) in wanted and _in_main_thread():
+            before[number] = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, former in before.items():
+            signal.signal(number, former)
+
+
+def raise_again() -> None:
+    """Raise an interrupt that came and was dropped on its way.
+
+    Raises:
+        KeyboardInterrupt: a signal has asked the command to end.
+    """
+    handler = signal.getsignal(signal.SIGINT)
+    if isinstance(handler, InterruptHandler) and handler.was_called and _in_main_thread():
+        raise KeyboardInterrupt
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
 
 REDRAW_S, LINE_S = 0.2, 10.0
 """Time between two looks of the bar on a terminal, and between two lines elsewhere [s]."""
@@ -109,3 +179,40 @@ class _Lines:
 
     def flush(self) -> None:
         self._stream.flush()
+
+
+@contextmanager
+def logged_to(path: Path, name: str) -> Iterator[None]:
+    """Append a logger's messages, from INFO on, to a file.
+
+    Args:
+        path: The file.
+        name: Name of the logger.
+    """
+    logger = logging.getLogger(name)
+    file = logging.FileHandler(path, encoding="utf-8")
+    file.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+    file.setLevel(logging.INFO)
+    logger.addHandler(file)
+    try:
+        yield
+    finally:
+        logger.removeHandler(file)
+        file.close()
+
+
+def to_json(result: Mapping[str, Any]) -> str:
+    """JSON text of a result; numbers that are not finite become null."""
+    return json.dumps(_plain(result), indent=2, allow_nan=False, ensure_ascii=True)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, (bool, int, str)) else str(value)
