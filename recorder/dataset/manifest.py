@@ -19,8 +19,14 @@ from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
 from carlaloc_env.core.files.config_files import read_text, to_mapping
 from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.dataset.checksums import file_sha256, write_checksums
-from recorder.dataset.layout import DATASET, DatasetFolder, SequenceFolder, sequences_below
+from recorder.dataset.layout import (
+    DATASET,
+    DatasetFolder,
+    SequenceFolder,
+    file_sha256,
+    sequences_below,
+    write_checksums,
+)
 from recorder.episode.episode import Episode
 from recorder.writers.topics import TopicProfile, profile_by_name
 

@@ -1,26 +1,31 @@
-"""A sequence for SLAM systems: sweeps, inertial samples, stereo images, calibration, truth."""
+"""A sequence for SLAM systems: sweeps, inertial samples, stereo images, calibration, truth.
+
+A drive in progress, read by a system: sweeps and inertial samples as they come, without a folder.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
 from functools import cached_property
+from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.materials import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
-from recorder.dataset.folder_readings import FolderReadings
+from recorder.dataset.folder_readings import NEXT, FeedReadings, FolderReadings
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
-from recorder.dataset.readings import ImuSample, Readings, StereoPair
-from recorder.dataset.rig_parts import imu_of, lidar_of, stereo_of
+from recorder.dataset.readings import ImuSample, Readings, StereoPair, imu_of, lidar_of, stereo_of
 from recorder.dataset.scans import Scan
 
 RAW, SEGMENTED = "raw", "seg"
@@ -200,3 +205,45 @@ class SlamSequence:
             EvaluationError: there are no images of two cameras, or none with labels where they are needed.
         """
         return self._readings.stereo_pairs(without_movers=self.cloud == SEGMENTED)
+
+
+class LiveReadings(FeedReadings):
+    """Asks the driving process for each sweep, see `Readings`; inertial samples up to its end come with it.
+
+    Args:
+        connection: The system's connection.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        super().__init__(connection)
+        self.imu: deque[ImuSample] = deque()
+        """Inertial samples that are not taken yet."""
+
+    def scans(self) -> Iterator[Scan]:
+        """Sweeps until the drive ends."""
+        while (frame := self._ask(NEXT)) is not None:
+            scan, samples = frame
+            self.imu.extend(samples)
+            yield scan
+
+    def imu_samples(self) -> Iterator[ImuSample]:
+        """Refuse: they are not all known."""
+        self._refuse("inertial samples at once; take them by sequence.imu_until(stamp_ns)")
+
+
+class LiveSequence(SlamSequence):
+    """The rig of a drive in progress, and its readings.
+
+    Args:
+        rig: The sensors.
+        connection: The system's connection to the driving process.
+    """
+
+    def __init__(self, rig: SensorRig, connection: Connection) -> None:
+        readings = LiveReadings(connection)
+        self.rig, self.cloud = rig, RAW
+        self._readings, self._imu = readings, readings.imu
+
+    def __getattr__(self, name: str) -> NoReturn:
+        """Refuse attributes of a folder: description, calibration, truth."""
+        raise AttributeError(f"a drive that goes on has no '{name}', which is that of a sequence's folder")

@@ -18,7 +18,7 @@ from carlaloc_env.scene.mesh import merge
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.town import without_movables
 from carlaloc_env.weather.schedule import weather_of
-from recorder.dataset.rig_parts import lidar_of
+from recorder.dataset.readings import lidar_of
 from recorder.dataset.scans import Scan
 from recorder.episode.episode import Episode
 from recorder.episode.town import town_of

@@ -19,7 +19,7 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from carlaloc_env.weather.schedule import weather_of
-from recorder.dataset.rig_parts import first_camera_of, lidar_of
+from recorder.dataset.readings import first_camera_of, lidar_of
 from recorder.episode.episode import Episode
 from recorder.episode.town import town_of
 from recorder.map_truth.views import field_of

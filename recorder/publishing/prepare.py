@@ -19,8 +19,7 @@ import yaml
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import ConfigError, OutputError
 from carlaloc_env.core.files.output_paths import atomic_write
-from recorder.dataset.checksums import file_sha256, read_checksums
-from recorder.dataset.layout import CHECKSUMS
+from recorder.dataset.layout import CHECKSUMS, file_sha256, read_checksums
 from recorder.dataset.manifest import DatasetManifest
 from recorder.writers.yaml_text import filled
 

@@ -9,8 +9,7 @@ from shutil import rmtree
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, WriterError
-from recorder.dataset.checksums import checksums, read_checksums
-from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.layout import SequenceFolder, checksums, read_checksums
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import nearest_begin_ns, past_s
 from recorder.replaying.conditions import Condition

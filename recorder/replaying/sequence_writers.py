@@ -16,8 +16,7 @@ from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
-from recorder.dataset.checksums import write_checksums
-from recorder.dataset.layout import FILM, FORMATS, SEG_BAG, DriveFolder, SequenceFolder
+from recorder.dataset.layout import FILM, FORMATS, SEG_BAG, DriveFolder, SequenceFolder, write_checksums
 from recorder.dataset.manifest import SequenceDescription
 from recorder.replaying.conditions import Condition
 from recorder.replaying.sample_counts import SampleCounts

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import WriterError
-from recorder.dataset.checksums import file_sha256
+from recorder.dataset.layout import file_sha256
 from recorder.writers.base import Piece
 
 _HEAD = struct.Struct("<qihHHHQ")

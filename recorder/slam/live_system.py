@@ -13,7 +13,7 @@ from types import TracebackType
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
 from carlaloc_env.core.files.config_files import last_line
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.dataset.feed_readings import NEXT
+from recorder.dataset.folder_readings import NEXT
 from recorder.dataset.readings import ImuSample
 from recorder.dataset.scans import Scan
 from recorder.slam.supervisor import LOG, start_worker

@@ -11,7 +11,7 @@ import numpy as np
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.dataset.live_sequence import LiveSequence
+from recorder.dataset.sequence import LiveSequence
 from recorder.slam.system import FrameClock
 from recorder.slam.systems import system_of
 from recorder.slam.worker import runner_of, work_process

@@ -18,7 +18,7 @@ from typing import Any, cast
 import numpy as np
 
 from carlaloc_env.core.errors import CarlaLocError
-from recorder.dataset.feed_readings import FeedReadings
+from recorder.dataset.folder_readings import FeedReadings
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.covariance_files import SUFFIX, write_covariances
 from recorder.evaluation.trajectory_files import write_tum

@@ -17,7 +17,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.parameters import weather_word
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
-from recorder.dataset.rig_parts import imu_of
+from recorder.dataset.readings import imu_of
 from recorder.episode.episode import Episode, open_episode
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import Condition

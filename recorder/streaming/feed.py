@@ -21,7 +21,7 @@ from pathlib import Path
 from queue import Full, Queue
 
 from carlaloc_env.core.errors import CarlaLocError
-from recorder.dataset.feed_readings import NEXT, STAMPS
+from recorder.dataset.folder_readings import NEXT, STAMPS
 from recorder.episode.episode import Episode
 from recorder.streaming.frames import (
     FrameJob,

@@ -20,9 +20,8 @@ from carlaloc_env.samples import Image, Imu, PointCloud, SemanticImage
 from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
-from recorder.dataset.mover_masks import mask_of
-from recorder.dataset.readings import ImuSample, StereoPair
-from recorder.dataset.rig_parts import lidar_of, stereo_of
+from recorder.dataset.folder_readings import mask_of
+from recorder.dataset.readings import ImuSample, StereoPair, lidar_of, stereo_of
 from recorder.dataset.scans import Scan
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.level_sensors import LevelSensors, Measured

@@ -14,8 +14,8 @@ from rosbags.interfaces import Connection
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import DepthImage, Image, Imu, PointCloud, Sample
-from recorder.dataset.bags import open_bag, topic_of
 from recorder.dataset.layout import DriveFolder
+from recorder.dataset.readings import open_bag, topic_of
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.writers.calibration.files import EXTRINSICS

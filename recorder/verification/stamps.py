@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.samples import Image, ObjectList, Odometry
-from recorder.dataset.bags import open_bag
+from recorder.dataset.readings import open_bag
 from recorder.writers.ros.messages import ENCODERS
 from recorder.writers.topics import TopicProfile
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.files.output_paths import path_below
-from recorder.dataset.checksums import checksums, read_checksums
-from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.layout import SequenceFolder, checksums, read_checksums
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.replaying.working_folder import FOLDER
 from recorder.verification.against import compare

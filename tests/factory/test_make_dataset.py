@@ -15,7 +15,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, WriterError
 from recorder.cli.main import main
-from recorder.dataset.checksums import checksums, read_checksums
+from recorder.dataset.layout import checksums, read_checksums
 from recorder.dataset.manifest import DatasetManifest
 from recorder.factory import make_dataset as dataset
 from recorder.factory.make_dataset import copy_manifest, make_dataset

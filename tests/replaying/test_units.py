@@ -9,7 +9,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.clock import STEP_NS
-from recorder.dataset.checksums import checksums
+from recorder.dataset.layout import checksums
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.replay import replay
 from recorder.replaying.units import units_of

@@ -13,7 +13,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import WriterError
-from recorder.dataset.checksums import checksums
+from recorder.dataset.layout import checksums
 from recorder.replaying import code_digest
 from recorder.replaying import plan as replay_plan
 from recorder.replaying import run as replay_run

@@ -19,7 +19,7 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import EVENT
 from recorder.cli.main import main
-from recorder.dataset.checksums import write_checksums
+from recorder.dataset.layout import write_checksums
 from recorder.replaying.replay import replay
 from recorder.verification.against import compare, of_events, of_pictures
 from recorder.verification.verify import verify

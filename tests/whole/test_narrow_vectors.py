@@ -10,7 +10,7 @@ import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
 
 from benchmarks.narrow_vectors import narrow_environment
-from recorder.dataset.checksums import checksums
+from recorder.dataset.layout import checksums
 
 pytestmark = pytest.mark.soak
 

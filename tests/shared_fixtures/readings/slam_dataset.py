@@ -16,8 +16,7 @@ from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
-from recorder.dataset.checksums import write_checksums
-from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.layout import SequenceFolder, write_checksums
 from recorder.dataset.manifest import SequenceDescription, write_manifest
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
