@@ -34,8 +34,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the demo, and write its page after every step."""
     began = time.monotonic()
-    from recorder.demo.page import EXTRAS, STEPS, write_index
-    from recorder.demo.story import DemoConfig, draw_story, first_look, replay_drive, run_systems, scores_of
+    from recorder.demo.story import (
+        EXTRAS,
+        STEPS,
+        DemoConfig,
+        draw_story,
+        first_look,
+        replay_drive,
+        run_systems,
+        scores_of,
+        write_index,
+    )
 
     config = DemoConfig(
         out=_free(arguments.out),
