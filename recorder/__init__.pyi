@@ -4,7 +4,6 @@ from recorder.closed_loop.estimated_pose_env import EstimatedPoseEnv as Estimate
 from recorder.closed_loop.pose_source import SystemPose as SystemPose
 from recorder.consistency.run import ConsistencyConfig as ConsistencyConfig
 from recorder.consistency.run import run_consistency as run_consistency
-from recorder.devices.base import Device as Device
 from recorder.devices.registry import DEVICES as DEVICES
 from recorder.doctor import examine as examine
 from recorder.drive.record import RecordConfig as RecordConfig

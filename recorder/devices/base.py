@@ -1,10 +1,19 @@
-"""Interface of input devices: they turn the view of a driver into controls, tick by tick."""
+"""What every input device is: its interface, its name, and the commands that a driver can give.
+
+Interface of input devices: they turn the view of a driver into controls, tick by tick.
+
+Names of input devices; imports next to nothing, so that a command can judge them before it loads more.
+
+Commands of a driver besides steering and pedals.
+"""
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Protocol
 
 from carlaloc_env.core.ego import Controls
+from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
 from carlaloc_env.driving.road_ahead import DriverView
 
 
@@ -24,3 +33,60 @@ class Device(Protocol):
 
     def close(self) -> None:
         """Let the device go; may be called twice."""
+
+
+HUMAN = ("wheel", "gamepad", "keyboard")
+"""Devices that a person holds."""
+DEVICES = ("scripted", *HUMAN)
+"""Names of all devices."""
+
+
+def wants_window(device: str, window: bool | None) -> bool:
+    """Whether a window shows the drive: as asked for, else where a person drives.
+
+    Raises:
+        DeviceError: a person would drive without seeing the road.
+    """
+    wanted = device in HUMAN if window is None else window
+    if device in HUMAN and not wanted:
+        raise DeviceError(f"driving by {device} needs the window; leave out --no-window")
+    return wanted
+
+
+class Command(Enum):
+    """One press of a key or button."""
+
+    REVERSE = "reverse"
+    """Change between forward and reverse; heeded below walking speed."""
+    HANDBRAKE = "handbrake"
+    """Pulled while held."""
+    THROTTLE = "throttle"
+    """Pressed while held, on pads without analogue triggers."""
+    BRAKE = "brake"
+    """Likewise."""
+    INDICATOR_LEFT = "indicator_left"
+    INDICATOR_RIGHT = "indicator_right"
+    HEADLAMPS = "headlamps"
+    CAMERA = "camera"
+    """Next view: driver's seat, chase, above."""
+    PAUSE = "pause"
+    PHOTO = "photo"
+    """Write the picture to a PNG beside the episode."""
+    CHECKPOINT = "checkpoint"
+    """Set a checkpoint here."""
+    RESTART = "restart"
+    """Go back to the last checkpoint."""
+    HELP = "help"
+    QUIT = "quit"
+
+    @classmethod
+    def by_name(cls, name: str) -> Command:
+        """Command of a name.
+
+        Raises:
+            ConfigError: there is no such command.
+        """
+        try:
+            return cls(name)
+        except ValueError:
+            raise ConfigError(unknown_name("command", str(name), [c.value for c in cls])) from None

@@ -6,11 +6,9 @@ import logging
 import os
 
 from carlaloc_env.core.errors import DeviceError, unknown_name
-from recorder.devices.base import Device
+from recorder.devices.base import DEVICES, Device, wants_window
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
-from recorder.devices.names import DEVICES as DEVICES
-from recorder.devices.names import wants_window
 from recorder.devices.profile import known_profiles
 from recorder.devices.scripted.driver import ScriptedDriver
 

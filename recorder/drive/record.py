@@ -22,11 +22,9 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town, without_movables
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
-from recorder.devices.base import Device
+from recorder.devices.base import DEVICES, HUMAN, Device
 from recorder.devices.human import HumanDevice
-from recorder.devices.inputs import Inputs
-from recorder.devices.names import DEVICES, HUMAN
-from recorder.devices.panel import KeyPanel
+from recorder.devices.inputs import Inputs, KeyPanel
 from recorder.devices.registry import open_device
 from recorder.drive.session import DriveSession
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter

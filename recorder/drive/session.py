@@ -14,10 +14,9 @@ from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import OutputError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
-from recorder.devices.base import Device
-from recorder.devices.commands import Command
+from recorder.devices.base import Command, Device
 from recorder.devices.human import HumanDevice
-from recorder.devices.panel import KeyPanel
+from recorder.devices.inputs import KeyPanel
 from recorder.drive.episode_listener import FIRST_DRIVEN_TICK, EpisodeListener
 from recorder.drive.real_time_pacer import Pacer
 from recorder.drive.traffic_rules import RuleMonitor

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from carlaloc_env.traffic.signals import SignalState
-from recorder.devices.keys import HELP_LINES
+from recorder.devices.inputs import HELP_LINES
 from recorder.window.lettering import AMBER, BLUE, DARK, WHITE, Lettering
 from recorder.window.status import DriveStatus
 

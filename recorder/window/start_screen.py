@@ -10,10 +10,8 @@ from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.weather.parameters import PRESETS
-from recorder.devices.commands import Command
-from recorder.devices.inputs import Inputs, Press
-from recorder.devices.keys import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT
-from recorder.devices.names import DEVICES
+from recorder.devices.base import DEVICES, Command
+from recorder.devices.inputs import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT, Inputs, Press
 from recorder.devices.profile import DeviceProfile, known_profiles, match_profile
 from recorder.window.lettering import AMBER, BLUE, DARK, WHITE, Lettering
 from recorder.window.opening import CLOSED_EARLY

@@ -13,10 +13,17 @@ from hypothesis import strategies as st
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.physics.params import VehicleParams
-from recorder.devices.axes import AxisShape, shape_axis
 from recorder.devices.calibrate import find_axis, make_profile
-from recorder.devices.profile import DeviceProfile, known_profiles, match_profile, read_profile, save_profile
-from recorder.devices.shaping import Filter, KeyPedals, KeySteering, steer_limit, wheel_steer
+from recorder.devices.human import Filter, KeyPedals, KeySteering, steer_limit, wheel_steer
+from recorder.devices.profile import (
+    AxisShape,
+    DeviceProfile,
+    known_profiles,
+    match_profile,
+    read_profile,
+    save_profile,
+    shape_axis,
+)
 
 PEDAL = AxisShape(axis=2, rest=1.0, full=-1.0, gamma=1.3)
 WHEEL = AxisShape(axis=0, rest=0.1, full=-1.0, opposite=0.9, dead_zone=0.0, saturation=0.0)

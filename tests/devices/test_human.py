@@ -17,7 +17,7 @@ from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.driving.road_ahead import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.routing.route import Route
-from recorder.devices.commands import Command
+from recorder.devices.base import Command
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
 from recorder.devices.profile import known_profiles, read_profile

@@ -30,7 +30,7 @@ from recorder.cli.arguments import (
     seed,
 )
 from recorder.cli.terminal import Progress
-from recorder.devices.names import HUMAN, wants_window
+from recorder.devices.base import HUMAN, wants_window
 from recorder.drive.real_time_pacer import SLOW
 
 if TYPE_CHECKING:
