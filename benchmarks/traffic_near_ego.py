@@ -18,7 +18,7 @@ from carlaloc_env.scene.materials import Tag
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from recorder.devices.scripted.driver import ScriptedDriver
-from recorder.drive.traffic_rules import RuleMonitor
+from recorder.drive.listeners import RuleMonitor
 
 TOWNS = ("Town03", "Town05", "Town10")
 """Towns whose routes are driven if none is named."""

@@ -9,8 +9,6 @@ from recorder.doctor import examine as examine
 from recorder.drive.record import RecordConfig as RecordConfig
 from recorder.drive.record import RecordResult as RecordResult
 from recorder.drive.record import record as record
-from recorder.drive.resimulate import resimulate as resimulate
-from recorder.drive.resimulate_traffic import change_traffic as change_traffic
 from recorder.episode.edit import cut_episode as cut_episode
 from recorder.episode.edit import drop_actors as drop_actors
 from recorder.episode.edit import join_episodes as join_episodes

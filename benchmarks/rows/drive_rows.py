@@ -20,7 +20,7 @@ from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.traffic.world import TrafficConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.devices.registry import open_device
-from recorder.drive.episode_listener import EpisodeListener
+from recorder.drive.listeners import EpisodeListener
 from recorder.episode.episode import EpisodeHeader, EpisodeWriter
 from recorder.window.status import DriveStatus
 
@@ -73,7 +73,7 @@ def _drive_with_pictures(
     world: DrivingWorld, driver: Any, cockpit: Any, status: DriveStatus, seconds: float
 ) -> tuple[float, float]:
     """Pictures in a second of a stretch of the drive, and how fast the world ran over real time."""
-    from recorder.drive.real_time_pacer import Pacer
+    from recorder.drive.session import Pacer
 
     pacer, shown, ticks = Pacer(), cockpit.images, world.tick_count
     began = time.perf_counter()

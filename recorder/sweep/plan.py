@@ -12,7 +12,7 @@ from carlaloc_env.weather.parameters import weather_word
 from carlaloc_env.weather.schedule import weather_of
 from recorder.benchmark.plan import DRIVES, BenchmarkSequence, sequence_of
 from recorder.dataset.layout import file_sha256
-from recorder.drive.resimulate_traffic import change_traffic
+from recorder.drive.resimulate import change_traffic
 from recorder.episode.episode import open_episode
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import Condition

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from carlaloc_env.core.clock import TICK_S
-from recorder.drive.real_time_pacer import MOST_TICKS, Pacer
+from recorder.drive.session import MOST_TICKS, Pacer
 
 
 class Clock:

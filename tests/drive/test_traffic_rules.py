@@ -15,7 +15,7 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.world import traffic_of_town
-from recorder.drive.traffic_rules import RuleMonitor
+from recorder.drive.listeners import RuleMonitor
 
 
 @pytest.fixture(scope="module")

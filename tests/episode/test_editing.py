@@ -13,7 +13,7 @@ from carlaloc_env.core.errors import ConfigError, EpisodeError
 from carlaloc_env.scene.materials import Tag
 from recorder.cli.main import main
 from recorder.drive.record import RecordConfig, record
-from recorder.drive.resimulate_traffic import change_traffic
+from recorder.drive.resimulate import change_traffic
 from recorder.episode.actor_messages import actor_states
 from recorder.episode.edit import cut_episode, drop_actors, join_episodes, thin_actors
 from recorder.episode.episode import EgoRow, Episode, EpisodeWriter

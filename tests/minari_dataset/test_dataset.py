@@ -21,7 +21,7 @@ from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.population import traffic_of_town
 from recorder.cli.main import main
-from recorder.drive.episode_listener import EpisodeListener
+from recorder.drive.listeners import EpisodeListener
 from recorder.episode.episode import EpisodeHeader, EpisodeWriter
 from recorder.minari.dataset import MinariConfig, write_minari
 

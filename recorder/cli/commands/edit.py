@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     elif action == "join":
         join_episodes(source, arguments.second, out, overwrite=overwrite)
     elif action == "traffic":
-        from recorder.drive.resimulate_traffic import change_traffic
+        from recorder.drive.resimulate import change_traffic
 
         with Progress("traffic") as progress:
             changed = change_traffic(

@@ -31,7 +31,7 @@ from recorder.cli.arguments import (
 )
 from recorder.cli.terminal import Progress
 from recorder.devices.base import HUMAN, wants_window
-from recorder.drive.real_time_pacer import SLOW
+from recorder.drive.session import SLOW
 
 if TYPE_CHECKING:
     from recorder.window.opening import Opening

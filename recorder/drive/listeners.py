@@ -1,14 +1,95 @@
-"""Violations of traffic rules by the ego: red lights, off the road, wrong way, too fast, off the route."""
+"""Listeners to a driving world: the writer of its episode, and the observer of traffic rules.
+
+Writes all that happens in a driving world to an episode.
+
+Violations of traffic rules by the ego: red lights, off the road, wrong way, too fast, off the route.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
+from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.physics.actor_pool import Contact
+from carlaloc_env.physics.ego import EgoState
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalState
+from recorder.episode.episode import EgoRow, EpisodeWriter
+
+FIRST_DRIVEN_TICK = 2
+"""Ticks 0 and 1 are part of `DrivingWorld.reset`."""
+
+
+def ego_row(state: EgoState, controls: Controls, raw: Controls | None) -> EgoRow:
+    """What an episode keeps of the ego after a tick."""
+    return EgoRow(
+        position_m=state.position_m,
+        quat_xyzw=state.quat_xyzw,
+        velocity_world_mps=state.velocity_world_mps,
+        omega_body_radps=state.omega_body_radps,
+        controls=controls,
+        raw=raw,
+        road_wheel_rad=state.road_wheel_rad,
+        speed_mps=state.speed_mps,
+        wheel_spin_radps=state.wheel_spin_radps,
+    )
+
+
+class EpisodeListener:
+    """A `DriveListener` that records; one for each attempt at a drive.
+
+    Args:
+        begin: Makes the writer once the actors are known.
+    """
+
+    def __init__(self, begin: Callable[[ActorCatalog], EpisodeWriter]) -> None:
+        self._begin = begin
+        self._touching: set[str] = set()
+        self._seen: set[str] = set()
+        self.raw: Controls | None = None
+        """The device's axes before shaping, for the coming tick."""
+        self.counts: Counter[str] = Counter()
+        """How often each kind of event has happened."""
+
+    @property
+    def is_touching(self) -> bool:
+        """Whether the ego touches something now."""
+        return bool(self._seen or self._touching)
+
+    def on_start(self, catalog: ActorCatalog) -> None:
+        """Open the episode."""
+        self.writer = self._begin(catalog)
+
+    def on_tick(self, tick: int, state: EgoState, controls: Controls) -> None:
+        """Record the ego."""
+        self._touching, self._seen = self._seen, set()
+        self.writer.ego(tick, ego_row(state, controls, self.raw))
+
+    def on_step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
+        """Record the others and the lights."""
+        self.writer.step(step, frame, signals)
+
+    def on_contact(self, tick: int, contact: Contact) -> None:
+        """Record where a collision begins."""
+        what = str(contact.actor_id) if contact.actor_id is not None else "static"
+        self._seen.add(what)
+        if what not in self._touching:
+            self.event(tick, "collision", {"with": what, "impulse_ns": contact.impulse_ns})
+
+    def event(self, tick: int, kind: str, data: dict[str, object] | None = None) -> None:
+        """Record and count something that happened."""
+        self.counts[kind] += 1
+        self.writer.event(tick, kind, data)
+
 
 SPEEDING_OVER_MPS = 10.0 / 3.6
 """How much above the limit counts as speeding [m/s]."""
