@@ -33,7 +33,7 @@ from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.episode.episode import Episode
-from recorder.episode.town import town_of
+from recorder.episode.summary import town_of
 
 GATE_M, SWEEP_S = 1.0, 0.05
 """Matches farther apart than this are left out [m], and time between scans [s]."""

@@ -13,14 +13,6 @@ from recorder.episode.edit import cut_episode as cut_episode
 from recorder.episode.edit import drop_actors as drop_actors
 from recorder.episode.edit import join_episodes as join_episodes
 from recorder.episode.edit import thin_actors as thin_actors
-from recorder.episode.episode import Episode as Episode
-from recorder.episode.episode import open_episode as open_episode
-from recorder.episode.header import EpisodeHeader as EpisodeHeader
-from recorder.episode.repair import repair_episode as repair_episode
-from recorder.episode.summary import summarise as summarise
-from recorder.episode.town import town_id_of as town_id_of
-from recorder.episode.town import town_of as town_of
-from recorder.episode.writer import EpisodeWriter as EpisodeWriter
 from recorder.evaluation.align import Alignment as Alignment
 from recorder.evaluation.evaluate import EvaluationResult as EvaluationResult
 from recorder.evaluation.evaluate import evaluate as evaluate

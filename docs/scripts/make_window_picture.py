@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from recorder.drive.record import RecordConfig, record
-from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import Episode
+from recorder.episode.messages import actor_states
 from recorder.window.opening import Opening
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "window.jpg"

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from carlaloc_env.core.errors import ConfigError, OutputError, UsageError
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file, check_output_folder
-from recorder.episode.file_names import check_episode_output
+from recorder.episode.writer import check_episode_output
 
 if TYPE_CHECKING:
     from recorder.streaming.drive import DriveConfig

@@ -28,9 +28,9 @@ from recorder.devices.inputs import Inputs, KeyPanel
 from recorder.devices.registry import open_device
 from recorder.drive.session import DriveSession
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
-from recorder.episode.file_names import check_episode_output, recording_path, repair_command
 from recorder.episode.messages import VIOLATIONS
 from recorder.episode.summary import driven_distance_m
+from recorder.episode.writer import check_episode_output, recording_path, repair_command
 from recorder.window.cockpit import WindowCockpit
 from recorder.window.opening import Opening
 

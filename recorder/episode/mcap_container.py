@@ -36,7 +36,7 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from recorder.episode.record_type import RecordType
+from recorder.episode.messages import RecordType
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<BQHIQQ")

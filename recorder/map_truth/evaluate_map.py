@@ -21,8 +21,7 @@ from carlaloc_env.weather.schedule import weather_of
 from recorder.dataset.readings import lidar_of
 from recorder.dataset.scans import Scan
 from recorder.episode.episode import Episode
-from recorder.episode.town import town_of
-from recorder.episode.traffic_level import traffic_level
+from recorder.episode.summary import town_of, traffic_level
 from recorder.evaluation.align import Similarity
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.straight_way import roll_turn

@@ -27,7 +27,7 @@ from carlaloc_env.envs.task.referee import Referee, TaskConfig
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.schedule import weather_of
 from recorder.episode.episode import ControlLog, Episode
-from recorder.episode.town import town_of
+from recorder.episode.summary import town_of
 from recorder.minari.recorded_world import RecordedWorld
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.dataset.readings import first_camera_of, lidar_of
 from recorder.episode.episode import Episode
-from recorder.episode.town import town_of
+from recorder.episode.summary import town_of
 from recorder.map_truth.views import field_of
 from recorder.places.baselines import Vlad, check_map_closures, closure_similarity, local_maps
 from recorder.places.pairs import Frames, Pairs, find_pairs, frames_along, write_csv

@@ -12,7 +12,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.files.config_files import from_mapping, read_text
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.weather.schedule import weather_of
-from recorder.episode.traffic_level import traffic_level
+from recorder.episode.summary import traffic_level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

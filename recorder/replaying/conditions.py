@@ -9,7 +9,7 @@ from carlaloc_env.core.errors import ConfigError, check_name
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.weather.parameters import weather_word
 from carlaloc_env.weather.schedule import Weather, weather_of
-from recorder.episode.traffic_level import TrafficLevel, traffic_level
+from recorder.episode.summary import TrafficLevel, traffic_level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,8 +23,7 @@ from carlaloc_env.sensors.ground_truth import objects_at, truth_at
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import without_movables
 from recorder.episode.episode import Episode
-from recorder.episode.town import town_of
-from recorder.episode.traffic_level import TrafficLevel
+from recorder.episode.summary import TrafficLevel, town_of
 from recorder.replaying.camera_history import first_pictures_ns
 from recorder.replaying.spool import Order
 from recorder.replaying.units import Recipe

@@ -23,7 +23,7 @@ from carlaloc_env.town.sources import TownId
 from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats
 from recorder.dataset.manifest import drive_origin, has_drive
 from recorder.episode.episode import Episode
-from recorder.episode.town import check_kept_town, town_id_of
+from recorder.episode.summary import check_kept_town, town_id_of
 from recorder.replaying.code_digest import code_digest
 from recorder.replaying.conditions import conditions_of
 from recorder.replaying.units import Recipe, Unit, units_of

@@ -10,7 +10,7 @@ from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, WriterError
 from recorder.dataset.layout import SequenceFolder, checksums, read_checksums
-from recorder.episode.traffic_level import TrafficLevel
+from recorder.episode.summary import TrafficLevel
 from recorder.replaying.camera_history import nearest_begin_ns, past_s
 from recorder.replaying.conditions import Condition
 from recorder.replaying.plan import ReplayPlan

@@ -19,7 +19,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError, WriterError
 from carlaloc_env.core.files.array_cache import give_back_freed_memory
 from recorder.dataset.layout import DriveFolder
-from recorder.episode.traffic_level import TrafficLevel
+from recorder.episode.summary import TrafficLevel
 from recorder.replaying.camera_history import past_ns
 from recorder.replaying.conditions import Condition
 from recorder.replaying.level_sensors import LevelSensors

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.episode.traffic_level import TrafficLevel
+from recorder.episode.summary import TrafficLevel
 from recorder.replaying.conditions import Condition
 
 

@@ -23,7 +23,7 @@ from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.folder_readings import mask_of
 from recorder.dataset.readings import ImuSample, StereoPair, lidar_of, stereo_of
 from recorder.dataset.scans import Scan
-from recorder.episode.traffic_level import TrafficLevel
+from recorder.episode.summary import TrafficLevel
 from recorder.replaying.level_sensors import LevelSensors, Measured
 from recorder.replaying.sample_counts import SampleCounts
 from recorder.replaying.units import Recipe

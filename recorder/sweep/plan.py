@@ -14,7 +14,7 @@ from recorder.benchmark.plan import DRIVES, BenchmarkSequence, sequence_of
 from recorder.dataset.layout import file_sha256
 from recorder.drive.resimulate import change_traffic
 from recorder.episode.episode import open_episode
-from recorder.episode.traffic_level import traffic_level
+from recorder.episode.summary import traffic_level
 from recorder.replaying.conditions import Condition
 from recorder.replaying.plan import ReplayConfig, ReplayOptions, rig_of
 from recorder.streaming.drive import DriveConfig, describe_drive

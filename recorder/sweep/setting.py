@@ -10,7 +10,7 @@ import numpy as np
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.faults.faults import Faults, fault_quantity
 from carlaloc_env.weather.parameters import changed_weather, weather_quantities, with_quantity
-from recorder.episode.traffic_level import LEVELS
+from recorder.episode.summary import LEVELS
 
 TRAFFIC, FAULT = "traffic", "fault."
 """Name of the factor of the traffic, and beginning of the names of faults."""

@@ -32,9 +32,8 @@ from carlaloc_env.town.config import (
 )
 from carlaloc_env.weather.parameters import WeatherParameters
 from recorder.drive.record import RecordConfig
-from recorder.episode.actor_messages import ACTORS
-from recorder.episode.messages import EGO, EVENT
-from recorder.episode.traffic_level import TrafficLevel
+from recorder.episode.messages import ACTORS, EGO, EVENT
+from recorder.episode.summary import TrafficLevel
 from recorder.evaluation.align import Alignment
 from recorder.replaying.replay import ReplayConfig
 from recorder.writers.base import DEFAULT_EPOCH_NS

@@ -15,8 +15,7 @@ import pytest
 from shared_fixtures.drives.episodes import header_of, write_drive
 
 from carlaloc_env.core.errors import EpisodeError
-from recorder.episode.episode import Episode, EpisodeWriter, open_episode
-from recorder.episode.repair import repair_episode
+from recorder.episode.episode import Episode, EpisodeWriter, open_episode, repair_episode
 
 _CHILD = """
 import sys, time, numpy as np

@@ -14,7 +14,7 @@ from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
 from recorder.episode.mcap_container import ContainerWriter
-from recorder.episode.record_type import RecordType
+from recorder.episode.messages import RecordType
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])

@@ -10,7 +10,7 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.clock import STEP_NS
 from recorder.dataset.layout import checksums
-from recorder.episode.traffic_level import traffic_level
+from recorder.episode.summary import traffic_level
 from recorder.replaying.replay import replay
 from recorder.replaying.units import units_of
 

@@ -11,10 +11,10 @@ import pytest
 from carlaloc_env.core.errors import ConfigError, EpisodeError
 from carlaloc_env.town.sources import find_town
 from recorder.cli.main import main
-from recorder.episode.actor_messages import actor_frames
 from recorder.episode.edit import _write
 from recorder.episode.episode import Episode
-from recorder.episode.town import town_id_of
+from recorder.episode.messages import actor_frames
+from recorder.episode.summary import town_id_of
 from recorder.replaying.plan import ReplayConfig, plan_replay
 
 EVIL_RIG = """\

@@ -40,7 +40,7 @@ def _weathers() -> dict[str, str]:
 
 
 def _traffic() -> dict[str, str]:
-    from recorder.episode.traffic_level import LEVEL_WORDS
+    from recorder.episode.summary import LEVEL_WORDS
 
     return dict(LEVEL_WORDS)
 

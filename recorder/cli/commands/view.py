@@ -74,7 +74,7 @@ def _record(arguments: argparse.Namespace, out: Path) -> str:
 
 def _episode(arguments: argparse.Namespace, out: Path) -> str:
     from recorder.episode.episode import open_episode
-    from recorder.episode.town import town_of
+    from recorder.episode.summary import town_of
     from recorder.view.episode_view import record_episode
 
     episode = open_episode(arguments.what)
