@@ -13,11 +13,6 @@ from recorder.episode.edit import cut_episode as cut_episode
 from recorder.episode.edit import drop_actors as drop_actors
 from recorder.episode.edit import join_episodes as join_episodes
 from recorder.episode.edit import thin_actors as thin_actors
-from recorder.evaluation.align import Alignment as Alignment
-from recorder.evaluation.evaluate import EvaluationResult as EvaluationResult
-from recorder.evaluation.evaluate import evaluate as evaluate
-from recorder.evaluation.metrics import Metric as Metric
-from recorder.evaluation.trajectory import Trajectory as Trajectory
 from recorder.evaluation.trajectory_files import read_tum as read_tum
 from recorder.evaluation.trajectory_files import write_tum as write_tum
 from recorder.replaying.replay import ReplayConfig as ReplayConfig

@@ -26,7 +26,7 @@ from recorder.benchmark.run import BenchmarkResult
 from recorder.benchmark.tables import RULE, Tables, all_tables, frame_of, titles_of
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SlamSequence
-from recorder.evaluation.path_errors import PathErrors
+from recorder.evaluation.evaluate import PathErrors
 from recorder.report.lane_lines import lane_lines_of
 from recorder.report.mosaic import panels_in
 from recorder.report.trajectory_plot import COLOURS

@@ -12,7 +12,7 @@ from carlaloc_env.core.files.output_paths import path_below
 from recorder.benchmark.results import BenchmarkConfig, Score
 from recorder.benchmark.run import run_benchmark
 from recorder.breaking.space import STEP, Range, distance, setting_at
-from recorder.evaluation.failure import FailRule
+from recorder.evaluation.evaluate import FailRule
 from recorder.sweep.plan import Point, SweepConfig, sequences_of_points
 from recorder.sweep.setting import Axis, Setting
 

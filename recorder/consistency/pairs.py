@@ -17,8 +17,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.transforms import invert, transform
 from recorder.evaluation.associate import Association, associate
-from recorder.evaluation.se3 import log_se3, moved_covariance
-from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory import Trajectory, log_se3, moved_covariance
 
 AXES = ("along", "across", "up", "roll", "pitch", "yaw")
 """Components of an error: position in the body's axes forward, left, up [m], then turns about them [rad]."""
@@ -31,7 +30,7 @@ class Run:
     estimate: Trajectory
     """Poses."""
     covariance: Array | None
-    """Their covariances, see `recorder.evaluation.covariance_files`, (N, 6, 6); None: none stated."""
+    """Their covariances, see `recorder.evaluation.trajectory`, (N, 6, 6); None: none stated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

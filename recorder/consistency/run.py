@@ -16,8 +16,7 @@ from recorder.benchmark.run import BenchmarkConfig, Progress, run_benchmark
 from recorder.consistency.pairs import AXES, PoseErrors, Run, pose_errors
 from recorder.consistency.statistics import Consistency, consistency_of
 from recorder.dataset.sequence import RAW, SlamSequence
-from recorder.evaluation.covariance_files import read_covariances
-from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory import Trajectory, read_covariances
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.worker import ESTIMATE
 from recorder.streaming.drive import DriveConfig

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from carlaloc_env.core.array_types import Array
-from recorder.evaluation.intervals import CONFIDENCE, Interval, mean_interval, wilson
+from recorder.evaluation.metrics import CONFIDENCE, Interval, mean_interval, wilson
 
 LEVELS = (0.5, 0.9, 0.95)
 """Probabilities of the ellipsoids whose coverage is counted."""

@@ -18,8 +18,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError, unknown_name
 from recorder.bags import open_bag, refused_in_one_line
 from recorder.dataset.readings import stamp_ns
-from recorder.evaluation.pose_order import in_order
-from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory import Trajectory, in_order
 from recorder.evaluation.trajectory_files import read_text_trajectory
 
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")

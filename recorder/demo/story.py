@@ -24,7 +24,7 @@ from recorder.benchmark.run import Progress as RunProgress
 from recorder.dataset.sequence import RAW
 from recorder.episode.episode import Episode, open_episode
 from recorder.episode.summary import town_of, traffic_level
-from recorder.evaluation.path_errors import PathErrors
+from recorder.evaluation.evaluate import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.replay import Progress, ReplayConfig, ReplayResult, replay
 from recorder.report.instant import pictures_of_instant, rows_of_three

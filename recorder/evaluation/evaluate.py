@@ -1,20 +1,26 @@
-"""Scores an estimated trajectory against the truth."""
+"""Scores an estimated trajectory against the truth.
+
+When an estimate counts as failed; the paper prints "fail" without a rule, so here is one.
+
+Position errors of an estimate along its path, kept so that it need not be evaluated again.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from recorder.evaluation.align import Alignment, Similarity, align
+from recorder.evaluation.align import Alignment, Similarity, align, roll_is_open, rolled
 from recorder.evaluation.associate import MAX_GAP_NS, Association, associate
 from recorder.evaluation.metrics import Metric, SegmentError, Statistics, errors, segment_errors
-from recorder.evaluation.straight_way import roll_is_open, rolled
 from recorder.evaluation.trajectory import Trajectory
 
 _LOG = logging.getLogger(__name__)
@@ -154,3 +160,95 @@ def _expected(truth: Trajectory, estimate: Trajectory, association: Association)
     count = int(truth.duration_s / interval_s + 0.001) if interval_s > 0 else 1
     # Only between true poses there are more pairs than true poses.
     return count if association is Association.INTERPOLATED else min(count, len(truth))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailRule:
+    """Bounds that an estimate has to keep.
+
+    A run fails when its process ends with an error or passes its time limit, when it covers too little of
+    the sequence, or when it has diverged: when its position error is more than half of what an estimate
+    that never moves has, so that it shows little of where the car was.
+    """
+
+    coverage_min: float = 0.8
+    """Least share of the expected poses, 0–1; initialisation counts as missing."""
+    ape_of_standing: float = 0.5
+    """Largest position error, as a share of what an estimate that stands at the best place has."""
+    ape_small_m: float = 0.1
+    """Position errors below this never count as diverged: in a stretch at a red light nothing moves [m]."""
+
+    def why_failed(self, result: EvaluationResult) -> str | None:
+        """Why the estimate counts as failed, in a few words; None: it does not.
+
+        Args:
+            result: With `Metric.APE_TRANSLATION`.
+        """
+        if result.coverage < self.coverage_min:
+            return f"covers {result.coverage:.0%} of the sequence, less than {self.coverage_min:.0%}"
+        standing_m = standing_error_m(result)
+        ape_m = result.statistics[Metric.APE_TRANSLATION].rmse
+        if ape_m >= max(self.ape_of_standing * standing_m, self.ape_small_m):
+            return f"diverged: APE {ape_m:.2f} m, an estimate that never moves has {standing_m:.2f} m"
+        return None
+
+
+def standing_error_m(result: EvaluationResult) -> float:
+    """Position error (RMSE) of an estimate that stands at the mean of the true positions [m]."""
+    away = result.truth.position_m - result.truth.position_m.mean(axis=0)
+    return float(np.sqrt(np.mean(np.einsum("ij,ij->i", away, away))))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathErrors:
+    """An estimate behind its fit, the truth, and how far they are apart, pose by pose."""
+
+    name: str
+    """Name of the estimate."""
+    stamp_ns: NDArray[np.int64]
+    """Times [ns], shape (N,)."""
+    truth_m: Array
+    """True positions [m], shape (N, 3)."""
+    estimate_m: Array
+    """Estimated positions behind the fit [m], shape (N, 3)."""
+    error_m: Array
+    """Distances between both [m], shape (N,)."""
+
+    @staticmethod
+    def of(result: EvaluationResult, name: str | None = None) -> PathErrors:
+        """Errors of an evaluated estimate.
+
+        Args:
+            result: With `Metric.APE_TRANSLATION`.
+            name: Another name than the estimate's own.
+        """
+        return PathErrors(
+            name=result.estimate.name if name is None else name,
+            stamp_ns=result.estimate.stamp_ns,
+            truth_m=result.truth.position_m,
+            estimate_m=result.estimate.position_m,
+            error_m=result.values[Metric.APE_TRANSLATION],
+        )
+
+    @property
+    def way_m(self) -> Array:
+        """Distance travelled since the first pose [m], shape (N,)."""
+        steps = np.linalg.norm(np.diff(self.truth_m, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def save(self, path: Path) -> None:
+        """Write them to a new file (.npz)."""
+        np.savez_compressed(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+
+    @staticmethod
+    def load(path: Path) -> PathErrors:
+        """Read a file that `save` wrote.
+
+        Raises:
+            EvaluationError: it cannot be read.
+        """
+        try:
+            with np.load(path) as found:
+                return PathErrors(**{**found, "name": str(found["name"])})
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise EvaluationError(f"cannot read {path} ({error}); evaluate the estimate again") from error

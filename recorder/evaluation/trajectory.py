@@ -1,8 +1,27 @@
-"""Trajectories: poses of a frame with integer stamps."""
+"""Trajectories: poses with stamps, their order, and their covariances.
+
+Trajectories: poses of a frame with integer stamps.
+
+Poses as a file holds them, put in the order of their times.
+
+Covariances of poses as text beside a trajectory, in the form that smfeval reads as well.
+
+``estimate.cov`` stands beside ``estimate.tum`` and has a row for each pose: the stamp [s] and the lower
+triangle of a 6×6 matrix, row by row. The matrix is that of ξ = (x, y, z [m], rotation about them [rad]) in
+T_estimate = T_true · exp(ξ), the axes being those of the frame whose pose it is (the right perturbation).
+
+Small errors of poses and their covariances on SE(3), vectorised over leading axes.
+
+A tangent vector ξ = (translation [m], rotation [rad]) is in the body's axes: T_estimate = T_true · exp(ξ).
+Barfoot, State Estimation for Robotics (2nd edition 2024), chapter 8; Barfoot and Furgale, "Associating
+uncertainty with three-dimensional poses for use in estimation problems", T-RO 30 (2014).
+"""
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +29,9 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.transforms import invert, matrix_to_quat, quat_to_rotvec
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,3 +116,194 @@ class Trajectory:
             position_m=self.position_m + transforms.quat_rotate(self.quat_xyzw, lever),
             quat_xyzw=transforms.quat_multiply(self.quat_xyzw, transforms.matrix_to_quat(T[:3, :3])),
         )
+
+
+_POSITION_MAX_M = 1e9
+"""Positions beyond are no trajectory of this world [m]."""
+_RUN_STEPS, _RUN_POSES = 10, 10
+"""A run begins where stamps jump back by more than so many steps, after at least so many poses on average."""
+_LOG = logging.getLogger(__name__)
+
+
+def in_order(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> Trajectory:
+    """The trajectory of what a file holds.
+
+    Poses that are not finite are left out, others sorted, of poses of one time the last one counts; each
+    with a warning.
+
+    Raises:
+        EvaluationError: no pose is finite, a quaternion is far from unit length, or the file holds two runs.
+    """
+    finite: NDArray[np.bool_] = np.all(np.isfinite(np.hstack([position_m, quat_xyzw])), axis=1)
+    if not finite.any():
+        raise EvaluationError(f"{path} holds only poses that are not finite")
+    if not finite.all():
+        lost = len(finite) - int(finite.sum())
+        _LOG.warning("%s: %d of %d poses are not finite; left out", path, lost, len(finite))
+        stamp_ns, position_m, quat_xyzw = stamp_ns[finite], position_m[finite], quat_xyzw[finite]
+    if not np.all(np.abs(position_m) < _POSITION_MAX_M):
+        raise EvaluationError(f"{path} holds a position beyond {_POSITION_MAX_M:g} m; give metres")
+    with np.errstate(over="ignore"):
+        norm = np.sqrt(np.sum(quat_xyzw**2, axis=1, keepdims=True))
+    if not np.all(wrong := np.abs(norm - 1.0) < 0.01):
+        raise EvaluationError(
+            f"{path} holds a quaternion that is not of length 1 (pose {int(np.argmin(wrong)) + 1}); "
+            "name its columns in a header"
+        )
+    _check_runs(path, stamp_ns)
+    order = np.argsort(stamp_ns, kind="stable")
+    # Some systems write a pose twice when they correct it.
+    kept = order[np.append(np.diff(stamp_ns[order]) > 0, True)]
+    if len(kept) < len(order):
+        hint = "; are stamps written with too few digits?" if 2 * len(kept) < len(order) else ""
+        _LOG.warning(
+            "%s: %d of %d poses share a stamp with a later line, which counts%s",
+            path, len(order) - len(kept), len(order), hint,
+        )  # fmt: skip
+    return Trajectory(
+        stamp_ns=stamp_ns[kept],
+        position_m=position_m[kept],
+        quat_xyzw=quat_xyzw[kept] / norm[kept],
+        name=path.stem,
+    )
+
+
+def _check_runs(path: Path, stamp_ns: NDArray[np.int64]) -> None:
+    step = np.diff(stamp_ns)
+    if not (back := np.flatnonzero(step < 0)).size:
+        return
+    usual = float(np.median(np.abs(step)))
+    runs = back[-step[back] > _RUN_STEPS * usual]
+    if runs.size == back.size and runs.size <= len(stamp_ns) / _RUN_POSES:
+        raise EvaluationError(
+            f"{path} holds {runs.size + 1} runs: stamps jump back by {-step[runs[0]] / 1e9:.6g} s "
+            f"after pose {runs[0] + 1}; give a file for each run"
+        )
+    _LOG.warning("%s: the poses are not in the order of their times; sorted", path)
+
+
+SUFFIX = ".cov"
+"""Suffix of the file, in place of the trajectory's own."""
+_HEADER = {"#%TANGENT_CONVENTION": "right_perturbation", "#%TANGENT_ORDER": "translation_rotation"}
+_ROWS, _COLUMNS = np.tril_indices(6)
+_STAMP_NS = 1_000
+"""Stamps of a pose and its covariance may differ so much, by rounding [ns]."""
+
+
+def write_covariances(path: Path, trajectory: Trajectory, covariance: Array) -> Path:
+    """Write the covariances of a trajectory's poses; an older file is replaced.
+
+    Args:
+        path: The trajectory's file, or the file itself.
+        trajectory: The poses.
+        covariance: Their covariances, shape (N, 6, 6).
+
+    Raises:
+        EvaluationError: the file cannot be written.
+    """
+    lines = stamped_lines(trajectory.stamp_ns, covariance[:, _ROWS, _COLUMNS])
+    head = [f"{key} {word}" for key, word in _HEADER.items()]
+    with atomic_write(path.with_suffix(SUFFIX), EvaluationError) as part:
+        part.write_text("\n".join([*head, "# timestamp c11 c21 c22 c31 … c66", *lines]) + "\n", "utf-8")
+    return path.with_suffix(SUFFIX)
+
+
+def stamped_lines(stamp_ns: NDArray[np.int64], values: Array) -> list[str]:
+    """Lines of stamps [ns], shape (N,), in seconds, and numbers, shape (N, M); all are read back exactly."""
+    return [
+        f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(map(repr, row))
+        for stamp, row in zip(stamp_ns.tolist(), values.tolist(), strict=True)
+    ]
+
+
+def read_covariances(path: Path, trajectory: Trajectory) -> Array | None:
+    """Covariances of a trajectory's poses, shape (N, 6, 6); None: there is no such file.
+
+    Args:
+        path: The trajectory's file, or the file itself.
+        trajectory: The poses.
+
+    Raises:
+        EvaluationError: the file is damaged, has another convention, or its rows are not those of the poses.
+    """
+    path = path.with_suffix(SUFFIX)
+    if not path.exists():
+        return None
+    rows = []
+    lines = read_text(path, "covariances", EvaluationError).splitlines()
+    for number, line in enumerate(lines, start=1):
+        words = line.split()
+        if words and words[0] in _HEADER and words[1:] != [_HEADER[words[0]]]:
+            raise EvaluationError(f"{path}: '{line}' is not read; write {_HEADER[words[0]]}")
+        if words and not line.startswith("#"):
+            rows.append(_row(path, number, words))
+    stamp_ns = np.array([stamp for stamp, _ in rows], np.int64)
+    same = len(rows) == len(trajectory) and not np.any(np.abs(stamp_ns - trajectory.stamp_ns) > _STAMP_NS)
+    if not same:
+        raise EvaluationError(f"{path} needs a row for each of {len(trajectory)} poses, with their stamps")
+    covariance = np.zeros((len(rows), 6, 6))
+    covariance[:, _ROWS, _COLUMNS] = covariance[:, _COLUMNS, _ROWS] = [values for _, values in rows]
+    return covariance
+
+
+def _row(path: Path, number: int, words: list[str]) -> tuple[int, list[float]]:
+    try:
+        whole, _, part = words[0].partition(".")
+        stamp_ns = int(whole) * 10**9 + int(part[:9].ljust(9, "0"))
+        values = [float(word) for word in words[1:]]
+    except ValueError:
+        values = []
+    if len(values) != len(_ROWS) or not np.isfinite(values).all():
+        raise EvaluationError(f"{path} line {number} is no stamp [s] with 21 numbers of a 6×6 lower triangle")
+    return stamp_ns, values
+
+
+_SMALL_RAD = 1e-4
+"""Below this angle, series take the place of quotients that cancel [rad]."""
+
+
+def log_se3(T: ArrayLike) -> Array:
+    """Tangent vectors of poses, shape (..., 4, 4) to (..., 6)."""
+    T = np.asarray(T, dtype=np.float64)
+    turn = quat_to_rotvec(matrix_to_quat(T[..., :3, :3]))
+    W, angle = cross_matrix(turn), np.linalg.norm(turn, axis=-1)
+    is_small = angle < _SMALL_RAD
+    half = np.where(is_small, 1.0, 0.5 * angle)
+    quotient = (1.0 - half / np.tan(half)) / (4.0 * half * half)
+    factor = np.where(is_small, 1.0 / 12.0, quotient)[..., None, None]
+    V_inverse = np.eye(3) - 0.5 * W + factor * (W @ W)
+    shift = (V_inverse @ T[..., :3, 3:])[..., 0]
+    return np.concatenate([shift, turn], axis=-1)
+
+
+def adjoint(T: ArrayLike) -> Array:
+    """Maps tangent vectors of frame b to frame a for poses ``T_a_b``, shape (..., 4, 4) to (..., 6, 6)."""
+    T = np.asarray(T, dtype=np.float64)
+    R = T[..., :3, :3]
+    upper = np.concatenate([R, cross_matrix(T[..., :3, 3]) @ R], axis=-1)
+    return np.concatenate([upper, np.concatenate([np.zeros_like(R), R], axis=-1)], axis=-2)
+
+
+def moved_covariance(T: ArrayLike, covariance: ArrayLike) -> Array:
+    """Covariances Ad(T) Σ Ad(T)ᵀ of tangent vectors that are mapped by ``T_a_b``, shape (..., 6, 6)."""
+    Ad = adjoint(T)
+    return Ad @ np.asarray(covariance, dtype=np.float64) @ np.swapaxes(Ad, -1, -2)
+
+
+def composed_covariance(covariance: ArrayLike, step: ArrayLike, step_covariance: ArrayLike) -> Array:
+    """Covariance of the pose T · step, to first order, where the errors of both are independent.
+
+    Args:
+        covariance: That of T, shape (..., 6, 6).
+        step: The step, shape (..., 4, 4).
+        step_covariance: That of the step, shape (..., 6, 6).
+    """
+    return moved_covariance(invert(step), covariance) + np.asarray(step_covariance, dtype=np.float64)
+
+
+def cross_matrix(v: Array) -> Array:
+    """Matrices that multiply vectorially from the left, shape (..., 3) to (..., 3, 3)."""
+    W = np.zeros((*v.shape[:-1], 3, 3))
+    for row, column, axis, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
+        W[..., row, column], W[..., column, row] = sign * v[..., axis], -sign * v[..., axis]
+    return W

@@ -12,14 +12,20 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError, unknown_name
 from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.core.transforms import rpy_to_quat
-from recorder.evaluation.covariance_files import stamped_lines
-from recorder.evaluation.pose_order import in_order
-from recorder.evaluation.tables.kitti_poses import matrix_place, poses_of
-from recorder.evaluation.tables.pose_columns import PoseColumns, columns_by_name, columns_by_place, has_units
-from recorder.evaluation.tables.quaternion_order import WXYZ, XYZW, as_xyzw, order_by_motion
-from recorder.evaluation.tables.stamp_units import DECIMALS, unit_of_stamps
-from recorder.evaluation.tables.text_table import TextTable, read_table
-from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.pose_columns import PoseColumns, columns_by_name, columns_by_place, has_units
+from recorder.evaluation.text_tables import (
+    DECIMALS,
+    WXYZ,
+    XYZW,
+    TextTable,
+    as_xyzw,
+    matrix_place,
+    order_by_motion,
+    poses_of,
+    read_table,
+    unit_of_stamps,
+)
+from recorder.evaluation.trajectory import Trajectory, in_order, stamped_lines
 
 _TUM = PoseColumns(
     stamp=0, position=(1, 2, 3), attitude=(4, 5, 6, 7), form="time tx ty tz qx qy qz qw", order=XYZW

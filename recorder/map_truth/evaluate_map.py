@@ -22,9 +22,8 @@ from recorder.dataset.readings import lidar_of
 from recorder.dataset.scans import Scan
 from recorder.episode.episode import Episode
 from recorder.episode.summary import town_of, traffic_level
-from recorder.evaluation.align import Similarity
+from recorder.evaluation.align import Similarity, roll_turn
 from recorder.evaluation.evaluate import EvaluationResult
-from recorder.evaluation.straight_way import roll_turn
 from recorder.evaluation.trajectory import Trajectory
 from recorder.map_truth.ghosts import GhostRule, find_ghosts
 from recorder.map_truth.scores import Distances, MapScore, measure, score_map

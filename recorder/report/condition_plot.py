@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from recorder.evaluation.path_errors import PathErrors
+from recorder.evaluation.evaluate import PathErrors
 from recorder.report.trajectory_plot import COLOURS, new_figure, save_figure
 
 MARGIN_M = 15.0

@@ -44,7 +44,7 @@ class FrameClock:
     """What a reader of the results must know, shown behind the version."""
     covariances: dict[int, Array] = field(default_factory=dict)
     """Covariance of the pose of each stamp [ns], if a system states it, (6, 6), in the pose's own axes:
-    x, y, z [m], then the rotation about them [rad] (`recorder.evaluation.covariance_files`)."""
+    x, y, z [m], then the rotation about them [rad] (`recorder.evaluation.trajectory`)."""
 
     @contextmanager
     def frame(self, count: int = 1) -> Iterator[None]:

@@ -20,7 +20,7 @@ import numpy as np
 from carlaloc_env.core.errors import CarlaLocError
 from recorder.dataset.folder_readings import FeedReadings
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.covariance_files import SUFFIX, write_covariances
+from recorder.evaluation.trajectory import SUFFIX, write_covariances
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.slam.system import FrameClock, Runner, System, trajectory_of
 from recorder.slam.system_file import is_system_file, read_system_file

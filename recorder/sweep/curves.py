@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from recorder.evaluation.intervals import mean_interval, wilson
+from recorder.evaluation.metrics import mean_interval, wilson
 from recorder.sweep.setting import Axis
 
 FIGURES = ("ape_m", "rpe_m", "coverage")

@@ -13,7 +13,7 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.benchmark.page import page_head
 from recorder.benchmark.tables import RULE
-from recorder.evaluation.intervals import CONFIDENCE
+from recorder.evaluation.metrics import CONFIDENCE
 from recorder.report.trajectory_plot import COLOURS, new_figure
 from recorder.sweep.curves import areas_of, curves_of
 from recorder.sweep.run import SweepResult

@@ -15,7 +15,7 @@ from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.sensors.camera import CameraConfig
 from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.path_errors import PathErrors
+from recorder.evaluation.evaluate import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.report.lane_lines import lane_lines_of
 from recorder.view.recording import BASE_LINK, WORLD, Recording, new_recording

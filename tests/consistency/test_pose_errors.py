@@ -26,9 +26,16 @@ from carlaloc_env.core.transforms import (
 from recorder.cli.main import main
 from recorder.consistency.pairs import Run, pose_errors
 from recorder.consistency.statistics import consistency_of
-from recorder.evaluation.covariance_files import read_covariances, write_covariances
-from recorder.evaluation.se3 import adjoint, composed_covariance, cross_matrix, log_se3, moved_covariance
-from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory import (
+    Trajectory,
+    adjoint,
+    composed_covariance,
+    cross_matrix,
+    log_se3,
+    moved_covariance,
+    read_covariances,
+    write_covariances,
+)
 from recorder.evaluation.trajectory_files import read_tum, write_tum
 
 STEP_NOISE = np.diag([0.02, 0.01, 0.01, 0.001, 0.001, 0.002]) ** 2

@@ -11,7 +11,7 @@ from shared_fixtures.processes.browser import WIDTHS_PX, Browser
 
 from recorder.benchmark.results import Score
 from recorder.demo.story import EXTRAS, LOOK, TRAFFIC, Scores, write_index
-from recorder.evaluation.path_errors import PathErrors
+from recorder.evaluation.evaluate import PathErrors
 
 
 def write_film(path: Path) -> Path:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.pose_tables import DRESSINGS, EPOCH_NS, S, drive, estimated
 
+from recorder.evaluation import text_tables
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
-from recorder.evaluation.tables import text_table
 from recorder.evaluation.trajectory_files import read_text_trajectory, write_tum
 
 
@@ -21,7 +21,7 @@ def test_every_dressing_scores_the_same(
 ) -> None:
     """Long files are read by Arrow where it can."""
     if is_long:
-        monkeypatch.setattr(text_table, "_LONG_BYTES", 0)
+        monkeypatch.setattr(text_tables, "_LONG_BYTES", 0)
     file, text = DRESSINGS[name]
     (tmp_path / file).write_text(text, encoding="utf-8", newline="")
     (tmp_path / "times.txt").write_text("\n".join(S))

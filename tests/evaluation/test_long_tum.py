@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import EvaluationError
-from recorder.evaluation.tables import text_table
+from recorder.evaluation import text_tables
 from recorder.evaluation.trajectory_files import read_tum
 
 pytest.importorskip("pyarrow")
@@ -16,7 +16,7 @@ pytest.importorskip("pyarrow")
 
 @pytest.fixture(autouse=True)
 def all_are_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(text_table, "_LONG_BYTES", 0)
+    monkeypatch.setattr(text_tables, "_LONG_BYTES", 0)
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def line_by_line(monkeypatch: pytest.MonkeyPatch) -> None:
     def forbidden(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(text_table.TextTable, "rows", forbidden)
+    monkeypatch.setattr(text_tables.TextTable, "rows", forbidden)
 
 
 def _written(folder: Path, text: str) -> Path:
@@ -69,7 +69,7 @@ def test_other_files_are_read_line_by_line(
 ) -> None:
     path = _written(tmp_path, text)
     first = read_tum(path)
-    monkeypatch.setattr(text_table, "_LONG_BYTES", 1 << 30)
+    monkeypatch.setattr(text_tables, "_LONG_BYTES", 1 << 30)
     assert first.stamp_ns.tolist() == read_tum(path).stamp_ns.tolist()
     assert first.position_m.tolist() == read_tum(path).position_m.tolist()
 

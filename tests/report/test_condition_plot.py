@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from recorder.evaluation.path_errors import PathErrors
+from recorder.evaluation.evaluate import PathErrors
 from recorder.report.condition_plot import plot_conditions
 
 

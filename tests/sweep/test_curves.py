@@ -13,7 +13,7 @@ import pytest
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.weather.parameters import changed_weather, weather_word
 from recorder.benchmark.results import Score
-from recorder.evaluation.intervals import mean_interval
+from recorder.evaluation.metrics import mean_interval
 from recorder.sweep.curves import areas_of, curves_of
 from recorder.sweep.plan import Point
 from recorder.sweep.run import row_of

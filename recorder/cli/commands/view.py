@@ -87,8 +87,7 @@ def _sequence(arguments: argparse.Namespace, out: Path) -> str:
     from recorder.dataset.sequence import SlamSequence
     from recorder.dataset.trajectories import read_trajectory
     from recorder.evaluation.associate import Association
-    from recorder.evaluation.evaluate import evaluate
-    from recorder.evaluation.path_errors import PathErrors
+    from recorder.evaluation.evaluate import PathErrors, evaluate
     from recorder.evaluation.trajectory_files import read_tum
     from recorder.view.sequence_view import record_sequence
 

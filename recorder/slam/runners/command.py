@@ -12,7 +12,7 @@ from pathlib import Path
 from carlaloc_env.core.errors import EvaluationError
 from recorder.dataset.sequence import SlamSequence
 from recorder.dataset.trajectories import read_trajectory
-from recorder.evaluation.covariance_files import read_covariances
+from recorder.evaluation.trajectory import read_covariances
 from recorder.slam.system import FrameClock, StampedPose, stamped_poses
 
 _PATHS: dict[str, Callable[[SlamSequence], Path]] = {
@@ -40,7 +40,7 @@ def run_command(
         clock: Receives the run's time, shared out over the frames.
         command: Program and words; ``{bag}``, ``{euroc}`` and ``{calibration}`` in them become paths of
             the sequence, ``{out}`` the TUM file that it has to write, ``{work}`` an empty folder. Beside the
-            TUM file it may write its covariances, see `recorder.evaluation.covariance_files`.
+            TUM file it may write its covariances, see `recorder.evaluation.trajectory`.
         sensor: What makes a frame: ``lidar`` or ``stereo``.
         topic: Topic of the poses in ``{out_bag}``, a ROS 1 bag that it writes in place of ``{out}``.
 

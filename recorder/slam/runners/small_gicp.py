@@ -13,7 +13,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from recorder.dataset.scans import ScanSource
-from recorder.evaluation.se3 import composed_covariance
+from recorder.evaluation.trajectory import composed_covariance
 from recorder.slam.runners.kiss_icp import RANGE_MAX_M, RANGE_MIN_M
 from recorder.slam.system import FrameClock, StampedPose
 

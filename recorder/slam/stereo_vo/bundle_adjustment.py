@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import quat_to_matrix, rotvec_to_quat
-from recorder.evaluation.se3 import cross_matrix
+from recorder.evaluation.trajectory import cross_matrix
 
 HUBER_PX = 1.0
 """Error from which a sighting counts linearly [px]."""

@@ -1,1 +1,0 @@
-"""Tables of poses as text: their columns, units and order, by what stands in them."""
