@@ -14,12 +14,11 @@ import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, WriterError
+from recorder import factory
 from recorder.cli.main import main
 from recorder.dataset.layout import checksums, read_checksums
 from recorder.dataset.manifest import DatasetManifest
-from recorder.factory import make_dataset as dataset
-from recorder.factory.make_dataset import copy_manifest, make_dataset
-from recorder.factory.plan import DatasetConfig, plan_dataset
+from recorder.factory import DatasetConfig, copy_manifest, make_dataset, plan_dataset
 from recorder.replaying.plan import ReplayOptions
 from recorder.verification.verify import verify
 
@@ -53,7 +52,7 @@ def test_a_dataset_is_made_kept_and_made_again(
     assert (plan.sequences, plan.driven_s) == (6, 1.0)
     # Cut off where all drives are whole and the recipe is yet to be listed: the same call goes on.
     with monkeypatch.context() as patch:
-        patch.setattr(dataset, "write_manifest", lambda *_: (_ for _ in ()).throw(WriterError("cut off")))
+        patch.setattr(factory, "write_manifest", lambda *_: (_ for _ in ()).throw(WriterError("cut off")))
         with pytest.raises(WriterError, match="cut off"):
             make_dataset(config)
     told: list[str] = []
@@ -85,7 +84,7 @@ def test_a_second_run_at_once_is_refused(config: DatasetConfig, monkeypatch: pyt
         raise WriterError("the first run ends here")
 
     with monkeypatch.context() as patch:
-        patch.setattr(dataset, "replay", meanwhile)
+        patch.setattr(factory, "replay", meanwhile)
         with pytest.raises(WriterError, match="ends here"):
             make_dataset(config)
     assert len(refused) == 1

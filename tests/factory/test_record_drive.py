@@ -9,7 +9,7 @@ import pytest
 
 from recorder.cli.main import main
 from recorder.episode.episode import Episode
-from recorder.factory.record_drive import standard_drives
+from recorder.factory import standard_drives
 
 
 def test_drives_are_recorded_once_and_to_their_ends(

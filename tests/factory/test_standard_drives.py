@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.traffic_near_ego import drive
-from recorder.factory.plan import ROUTE_M, STANDARD_SEEDS, DatasetConfig
+from recorder.factory import ROUTE_M, STANDARD_SEEDS, DatasetConfig
 from recorder.replaying.plan import ReplayOptions
 
 PACE_MPS = {

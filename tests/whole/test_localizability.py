@@ -27,7 +27,7 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from recorder.episode.episode import Episode
 from recorder.episode.summary import town_of
-from recorder.factory.record_drive import standard_drives
+from recorder.factory import standard_drives
 
 LIDAR = next(c for c in rig_by_name("paper").sensors if isinstance(c, LidarConfig))
 LONGEST_M = 100.0

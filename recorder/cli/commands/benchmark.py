@@ -134,7 +134,7 @@ def _data(arguments: argparse.Namespace, out: Path) -> Path | DriveConfig:
     if not drives and len(given) == 1:
         return given[0]
     if arguments.standard:
-        from recorder.factory.record_drive import standard_drives
+        from recorder.factory import standard_drives
 
         with Progress("drives", unit="towns") as progress:
             given = drives = list(standard_drives(out / "episodes", progress.update))

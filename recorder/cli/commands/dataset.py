@@ -26,7 +26,7 @@ from recorder.cli.arguments import (
 from recorder.cli.terminal import Progress, logged_to
 
 if TYPE_CHECKING:
-    from recorder.factory.plan import DatasetConfig, DatasetPlan
+    from recorder.factory import DatasetConfig, DatasetPlan
 
 LOG = ".carlaloc-dataset.log"
 """Name of the log in the dataset's folder."""
@@ -50,8 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Plan, ask, make."""
-    from recorder.factory.make_dataset import copy_manifest, make_dataset
-    from recorder.factory.plan import ROUTE_M, DatasetConfig, plan_dataset, town_names
+    from recorder.factory import ROUTE_M, DatasetConfig, copy_manifest, make_dataset, plan_dataset, town_names
     from recorder.replaying.plan import ReplayOptions
 
     config = DatasetConfig(

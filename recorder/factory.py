@@ -1,0 +1,364 @@
+"""The whole dataset: a drive in each town, each of them replayed under all conditions.
+
+The scripted driver records the drives with fixed seeds, or a person has driven them. Each is replayed into
+the same folder. The same command resumes an interrupted run.
+
+The plan of a dataset of several drives, checked before the first byte.
+
+Drives by the scripted driver: the standard drive of each town, or another of its length and seed.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
+from carlaloc_env.core.files.output_paths import atomic_write, check_output_folder, take_lock
+from carlaloc_env.town.sources import ALIASES, known_towns
+from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, SEQUENCE, DatasetFolder
+from recorder.dataset.manifest import DatasetManifest, write_manifest
+from recorder.episode.episode import Episode
+from recorder.replaying.conditions import conditions_of
+from recorder.replaying.plan import ReplayConfig, ReplayOptions, rig_of
+from recorder.replaying.replay import replay
+
+SAMPLE_FROM_S = 8.0
+"""Where a sample begins [s]: the car has left the kerb then."""
+ROUTE_M = {
+    "Town01": 678, "Town03": 970, "Town04": 2108, "Town05": 473, "Town06": 266, "Town07": 747, "Town10": 1115,
+}  # fmt: skip
+"""Lengths of the paper's seven routes [m] (Table III), by town."""
+STANDARD_SEEDS = {
+    "Town01": 7, "Town03": 1, "Town04": 5, "Town05": 2, "Town06": 0, "Town07": 8, "Town10": 6,
+}  # fmt: skip
+"""Seeds of the standard drives. Of seeds 0 to 9, the one whose drive among the paper's traffic comes to the
+route's end in the fewest seconds, rounded, without a collision or a broken rule; the smallest of several."""
+PACE_MPS = 5.0
+"""Pace of a drive, waiting included, by which its length is guessed before it is driven [m/s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DatasetConfig:
+    """Configuration of a dataset."""
+
+    out: Path
+    """Folder of the dataset."""
+    towns: tuple[str, ...] = tuple(ROUTE_M)
+    """Names of the towns."""
+    episodes: Path | None = None
+    """Folder of a person's drives, ``<town>.mcap``; None: the scripted driver records them."""
+    sample_s: float | None = None
+    """Length of the stretch of each drive [s]; None: all of it."""
+    replay: ReplayOptions
+    """Conditions, rig, formats, topics, quality, workers."""
+    seed: int | None = None
+    """Seed by which drives are recorded; None: the standard drive of each town."""
+
+    def __post_init__(self) -> None:
+        for town in self.towns:
+            if town not in known_towns():
+                raise ConfigError(f"no town '{town}'; use some of {', '.join(ROUTE_M)}")
+        conditions_of(self.replay.weathers, self.replay.traffic)
+
+    def seed_of(self, town: str) -> int:
+        """Seed by which a town's drive is recorded."""
+        return STANDARD_SEEDS.get(town, 0) if self.seed is None else self.seed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DatasetPlan:
+    """Work that a dataset takes."""
+
+    sequences: int
+    """Number of sequences."""
+    lengths_s: dict[str, float]
+    """Length of each town's stretch [s]; an estimate where the drive is not recorded yet."""
+    whole: tuple[str, ...]
+    """Towns whose sequences are all finished."""
+    drives: int
+    """Drives that are already recorded or copied."""
+    parts: int
+    """Finished units and sequences of unfinished towns."""
+    kept: int
+    """Size of all existing files [bytes]."""
+    free: int
+    """Disk space that is free [bytes]."""
+
+    @property
+    def driven_s(self) -> float:
+        """Length of all drives together [s]."""
+        return sum(self.lengths_s.values())
+
+
+def town_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Towns without repetition, by their main names."""
+    return tuple(dict.fromkeys(ALIASES.get(name, name) for name in names))
+
+
+def plan_dataset(config: DatasetConfig) -> DatasetPlan:
+    """Check a request, before the first byte.
+
+    Raises:
+        ConfigError: an unknown rig, town, weather or level, or no drive of a town.
+        OutputError: the folder cannot be written.
+    """
+    check_output_folder(config.out)
+    rig_of(config.replay)
+    has_drives = DatasetFolder(config.out).description.exists()
+    whole = DatasetManifest.read(config.out, WriterError).drives if has_drives else {}
+    there = [path for path in config.out.rglob("*") if path.is_file()]
+    return DatasetPlan(
+        sequences=len(config.towns) * len(conditions_of(config.replay.weathers, config.replay.traffic)),
+        lengths_s={town: length_s(config, town) for town in config.towns},
+        whole=tuple(town for town in config.towns if town in whole),
+        drives=len([*(config.out / EPISODES).glob("*.mcap")]),
+        parts=sum(_is_part(path.relative_to(config.out)) for path in there),
+        kept=sum(path.stat().st_size for path in there),
+        free=shutil.disk_usage(_existing(config.out)).free,
+    )
+
+
+def length_s(config: DatasetConfig, town: str) -> float:
+    """Length of the stretch of a drive that is replayed [s]; an estimate where there is no drive yet.
+
+    Raises:
+        ConfigError: a person's drive is missing or was driven elsewhere.
+    """
+    for folder in (config.out / EPISODES, config.episodes):
+        if folder is not None and (folder / f"{town}.mcap").exists():
+            episode = Episode.load(folder / f"{town}.mcap")
+            if episode.header.map_name != town:
+                raise ConfigError(
+                    f"{folder / town}.mcap was driven in {episode.header.map_name}; name it "
+                    f"{episode.header.map_name}.mcap"
+                )
+            whole_s = float(episode.duration_s)
+            return whole_s if config.sample_s is None else min(config.sample_s, whole_s)
+    if config.episodes is not None:
+        raise ConfigError(f"{config.episodes} holds no {town}.mcap; record it, or leave it out of --towns")
+    return ROUTE_M.get(town, 800) / PACE_MPS if config.sample_s is None else config.sample_s
+
+
+def _existing(folder: Path) -> Path:
+    return next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+
+
+def _is_part(path: Path) -> bool:
+    """Whether a file of the dataset makes a unit or a sequence whole in a working folder."""
+    return path.parts[0].startswith(".") and path.name in ("unit.json", SEQUENCE)
+
+
+"""Called with the number of towns done (fractions included), the number of towns, and the present step."""
+
+
+def standard_drives(
+    out: Path, progress: Progress, *, towns: Sequence[str] = tuple(ROUTE_M)
+) -> tuple[Path, ...]:
+    """The standard drives of some towns, whole routes, as ``OUT/TOWN.mcap``; existing files are kept.
+
+    Args:
+        out: Folder of the drives.
+        progress: Called with their progress.
+        towns: Names of towns; else the paper's seven.
+
+    Raises:
+        EpisodeError: a drive cannot be written.
+    """
+    found = []
+    for number, town in enumerate(towns):
+        target = out / f"{town}.mcap"
+
+        def driving(_: float, route_m: float, number: int = number, town: str = town) -> None:
+            share = min(route_m / ROUTE_M.get(town, max(route_m, 1.0)), 1.0)
+            progress(number + share, len(towns), f"driving through {town}, {route_m:.0f} m")
+
+        if not target.exists():
+            record_drive(town, target, seed=STANDARD_SEEDS.get(town, 0), progress=driving)
+        found.append(target)
+    return tuple(found)
+
+
+def record_drive(
+    town: str,
+    target: Path,
+    *,
+    seed: int,
+    duration_s: float | None = None,
+    progress: Callable[[float, float], None] | None = None,
+) -> None:
+    """Record a drive by the scripted driver; remains of an interrupted recording are deleted.
+
+    Args:
+        town: Name of the town.
+        target: New episode.
+        seed: Seed of traffic and driver.
+        duration_s: Length [s]; None: to the end of the route.
+        progress: Called with seconds and metres driven.
+
+    Raises:
+        EpisodeError: it cannot be written.
+    """
+    # Imported here: it imports physics and traffic.
+    from recorder.drive.record import RecordConfig, record
+
+    _log.info("driving through %s", town)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    for rest in target.parent.glob(f"{target.name}.*"):
+        rest.unlink()
+    record(RecordConfig(map=town, out=target, duration_s=duration_s, seed=seed), progress=progress)
+
+
+WORK = ".carlaloc-dataset"
+"""Folder with the recipe of the run; locked, so that only a single run works at a time."""
+Progress = Callable[[float, float, str], None]
+"""Called about every second with seconds of driving that are replayed and in all, and the present step."""
+_log = logging.getLogger(__name__)
+
+
+def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Path:
+    """Record, replay and list all drives; whole ones are kept.
+
+    Args:
+        config: The dataset.
+        progress: Called with the progress of all drives.
+
+    Returns:
+        ``dataset.yaml``.
+
+    Raises:
+        WriterError: the disk is too small, or the folder holds a dataset of another recipe.
+        EpisodeError: a drive cannot be read.
+    """
+    plan = plan_dataset(config)
+    lengths_s = dict(plan.lengths_s)
+    recipe = _recipe(config)
+    with _begun(config.out, recipe):
+        for number, town in enumerate(config.towns):
+            if town in plan.whole:
+                continue
+            report = _DriveProgress(progress, lengths_s, number)
+            _get_drive(config, town, report)
+            lengths_s[town] = length_s(config, town)
+            later = tuple(lengths_s[t] for t in config.towns[number + 1 :] if t not in plan.whole)
+            _make_drive(config, town, report, later)
+        manifest = DatasetManifest.read(config.out, WriterError)
+        write_manifest(config.out, manifest.drives, recipe)
+        shutil.rmtree(config.out / WORK, ignore_errors=True)
+    return DatasetFolder(config.out).description
+
+
+class _DriveProgress:
+    """Reports the progress of a drive as a part of all drives."""
+
+    def __init__(self, progress: Progress | None, lengths_s: Mapping[str, float], number: int) -> None:
+        self._progress, self._lengths_s = progress, lengths_s
+        self._town, self._before = list(lengths_s)[number], list(lengths_s)[:number]
+        self._name = f"{self._town} ({number + 1} of {len(lengths_s)})"
+
+    def driving(self, driven_s: float, route_m: float) -> None:
+        self._report(0.0, f"driving through {self._name}, {driven_s:.0f} s")
+
+    def replaying(self, done_s: float, total_s: float) -> None:
+        share = min(done_s / max(total_s, 1e-9), 1.0)
+        self._report(share, f"replaying {self._name}, {share:.0%}")
+
+    def _report(self, share: float, what: str) -> None:
+        if self._progress is not None:
+            done_s = sum(self._lengths_s[town] for town in self._before) + share * self._lengths_s[self._town]
+            self._progress(done_s, sum(self._lengths_s.values()), what)
+
+
+def copy_manifest(dataset: Path, folder: Path) -> None:
+    """Copy the input of the dataset: drives and recipe, with checksums to compare.
+
+    Args:
+        dataset: Folder of a finished dataset.
+        folder: New folder.
+
+    Raises:
+        OutputError: the folder exists.
+    """
+    if folder.exists():
+        raise OutputError(f"{folder} exists; choose another --manifest")
+    shutil.copytree(dataset / EPISODES, folder / EPISODES)
+    for name in (DATASET, CHECKSUMS):
+        shutil.copy(dataset / name, folder / name)
+
+
+def _recipe(config: DatasetConfig) -> dict[str, Any]:
+    """Everything that determines the dataset beside the drives, as plain values."""
+    r = config.replay
+    return {
+        "towns": list(config.towns), "weathers": list(r.weathers), "traffic": list(r.traffic),
+        "rig": r.rig, "formats": list(r.formats), "topics": r.topics, "quality": r.quality,
+        "preview": r.preview, "lens_drops": r.lens_drops, "leaf_wind_mps": r.leaf_wind_mps,
+        "noise_seed": r.seed, "sample_s": config.sample_s,
+        "drive_seeds": {town: config.seed_of(town) for town in config.towns},
+        "episodes": None if config.episodes is None else "a person's",
+    }  # fmt: skip
+
+
+@contextmanager
+def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
+    """Hold the folder for one run; refuse one in which another dataset was begun, or another run works.
+
+    Raises:
+        WriterError: it is refused.
+    """
+    (out / WORK).mkdir(parents=True, exist_ok=True)
+    with (out / WORK / "recipe.json").open("a+", encoding="utf-8") as file:
+        if not take_lock(file):
+            raise WriterError(
+                f"another run is at work in {out}; wait until it has ended, or choose another --out"
+            )
+        file.seek(0)
+        text = file.read()
+        found: Any = json.loads(text) if text else {}
+        if not found and DatasetFolder(out).description.exists():
+            found = DatasetManifest.read(out, WriterError).recipe or {"towns": None}
+        other = [name for name, value in recipe.items() if found and found.get(name) != value]
+        if other:
+            raise WriterError(
+                f"{out} holds a dataset of other {other[0]}; choose another --out or delete it first"
+            )
+        if not text:
+            file.write(json.dumps(recipe))
+            file.flush()
+        yield
+
+
+def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None:
+    """Put the drive of a town into the dataset: a copy of a person's, or a new one by the scripted driver."""
+    target = DatasetFolder(config.out).episode(town)
+    if target.exists():
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if config.episodes is not None:
+        with atomic_write(target, WriterError) as part:
+            shutil.copy(config.episodes / f"{town}.mcap", part)
+        return
+    duration_s = None if config.sample_s is None else SAMPLE_FROM_S + config.sample_s + 0.1
+    record_drive(town, target, seed=config.seed_of(town), duration_s=duration_s, progress=report.driving)
+
+
+def _make_drive(config: DatasetConfig, town: str, report: _DriveProgress, later_s: Sequence[float]) -> None:
+    """Replay a drive, or resume its replay."""
+    begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
+    _log.info("replaying %s", town)
+    options = {field.name: getattr(config.replay, field.name) for field in fields(ReplayOptions)}
+    replayed = ReplayConfig(
+        **options,
+        episode=DatasetFolder(config.out).episode(town),
+        out=config.out,
+        start_s=begin_s,
+        duration_s=config.sample_s,
+    )
+    replay(replayed, report.replaying, later_s=later_s)
+    _log.info("%s is whole", town)

@@ -1,1 +1,0 @@
-"""The standard dataset: drives recorded, replayed and put together."""
