@@ -1,9 +1,5 @@
 """Public names of the package, lent when asked for: the page docs/api.md explains them."""
 
-from recorder.closed_loop.estimated_pose_env import EstimatedPoseEnv as EstimatedPoseEnv
-from recorder.closed_loop.pose_source import SystemPose as SystemPose
-from recorder.consistency.run import ConsistencyConfig as ConsistencyConfig
-from recorder.consistency.run import run_consistency as run_consistency
 from recorder.devices.registry import DEVICES as DEVICES
 from recorder.doctor import examine as examine
 from recorder.drive.record import RecordConfig as RecordConfig

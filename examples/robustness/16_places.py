@@ -12,8 +12,8 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import PointCloud, Sample
-from recorder.places.places import PlaceDrive, PlacesConfig, compare_places
-from recorder.places.recall import score_places, similarity_of
+from recorder.laboratory.place_baselines import score_places, similarity_of
+from recorder.laboratory.places import PlaceDrive, PlacesConfig, compare_places
 
 RINGS_M = np.arange(0.0, 81.0, 4.0)
 """Distances that bound the rings [m]."""

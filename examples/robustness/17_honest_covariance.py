@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from recorder.consistency.run import ConsistencyConfig, ConsistencyResult, run_consistency
+from recorder.laboratory.consistency import ConsistencyConfig, ConsistencyResult, run_consistency
 from recorder.replaying.plan import ReplayOptions
 from recorder.streaming.drive import DriveConfig
 

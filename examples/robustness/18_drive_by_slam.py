@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 import carlaloc_env  # noqa: F401  (registers the environments)
 from carlaloc_env.driving.road_ahead import DriverView
-from recorder.closed_loop.estimated_pose_env import EstimatedPoseEnv
-from recorder.closed_loop.pose_source import PoseSource, SystemPose
+from recorder.laboratory.estimated_pose_env import EstimatedPoseEnv
+from recorder.laboratory.pose_source import PoseSource, SystemPose
 
 
 def keep_lane(view: DriverView) -> NDArray[np.float32]:

@@ -9,13 +9,10 @@ import argparse
 from pathlib import Path
 
 from recorder.benchmark.results import BenchmarkConfig
+from recorder.laboratory.sweep import Axis, SweepConfig
+from recorder.laboratory.sweep_run import areas_of, curves_of, run_sweep, write_report
 from recorder.replaying.plan import ReplayOptions
 from recorder.streaming.drive import DriveConfig
-from recorder.sweep.curves import areas_of, curves_of
-from recorder.sweep.plan import SweepConfig
-from recorder.sweep.report import write_report
-from recorder.sweep.run import run_sweep
-from recorder.sweep.setting import Axis
 
 
 def main() -> None:

@@ -10,10 +10,10 @@ import pytest
 from shared_fixtures.drives.straight_drives import RIG, StraightDrive
 
 from carlaloc_env.core.errors import ConfigError
-from recorder.breaking.space import Range, distance, ranges_of, setting_at
 from recorder.cli.main import main
+from recorder.laboratory.breaking import Range, distance, ranges_of, setting_at
+from recorder.laboratory.sweep import Setting
 from recorder.replaying.condition_file import ConditionFile
-from recorder.sweep.setting import Setting
 
 FRAGILE = """
 import numpy as np

@@ -24,8 +24,6 @@ from carlaloc_env.core.transforms import (
     transform,
 )
 from recorder.cli.main import main
-from recorder.consistency.pairs import Run, pose_errors
-from recorder.consistency.statistics import consistency_of
 from recorder.evaluation.trajectory import (
     Trajectory,
     adjoint,
@@ -37,6 +35,7 @@ from recorder.evaluation.trajectory import (
     write_covariances,
 )
 from recorder.evaluation.trajectory_files import read_tum, write_tum
+from recorder.laboratory.pose_statistics import Run, consistency_of, pose_errors
 
 STEP_NOISE = np.diag([0.02, 0.01, 0.01, 0.001, 0.001, 0.002]) ** 2
 STEP_NOISE[0, 5] = STEP_NOISE[5, 0] = 1e-5

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import binomtest
 
 from carlaloc_env.core.array_types import Array
-from recorder.consistency.statistics import anees_bounds, consistency_of
 from recorder.evaluation.metrics import wilson
+from recorder.laboratory.pose_statistics import anees_bounds, consistency_of
 
 F, Q = np.array([[1.0, 0.1], [0.0, 1.0]]), np.diag([1e-4, 1e-2])
 H, R = np.array([[1.0, 0.0]]), np.array([[0.04]])

@@ -16,8 +16,7 @@ from recorder.episode.episode import Episode
 from recorder.evaluation.align import Similarity
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
-from recorder.map_truth.map_files import write_cloud
-from recorder.map_truth.surface_cloud import SurfaceCloud
+from recorder.laboratory.surface_cloud import SurfaceCloud, write_cloud
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 o3d = pytest.importorskip("open3d", reason="open3d is not installed")

@@ -18,12 +18,19 @@ from recorder.dataset.scans import Scan
 from recorder.evaluation.align import Alignment, Similarity
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.trajectory import Trajectory
-from recorder.map_truth.evaluate_map import build_map, thinned, transform_of_map
-from recorder.map_truth.ghosts import GhostRule, find_ghosts
-from recorder.map_truth.map_files import read_map, write_cloud, write_mesh
-from recorder.map_truth.scores import ALL, HIDDEN, VISIBLE, MapScore, measure, score_map
-from recorder.map_truth.surface_cloud import Region, sample_surface
-from recorder.map_truth.true_map import TrueMap, ever_visible
+from recorder.laboratory.map_scores import (
+    ALL,
+    HIDDEN,
+    VISIBLE,
+    GhostRule,
+    MapScore,
+    find_ghosts,
+    measure,
+    score_map,
+)
+from recorder.laboratory.map_truth import build_map, thinned, transform_of_map
+from recorder.laboratory.surface_cloud import Region, read_map, sample_surface, write_cloud, write_mesh
+from recorder.laboratory.true_map import TrueMap, ever_visible
 
 o3d = pytest.importorskip("open3d", reason="open3d is not installed")
 

@@ -17,10 +17,16 @@ from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
-from recorder.map_truth.views import field_of, look, seen_shares
-from recorder.places.baselines import Vlad, closure_similarity, local_maps
-from recorder.places.pairs import Frames, Pairs, find_pairs, frames_along
-from recorder.places.recall import read_similarity, score_places, similarity_of
+from recorder.laboratory.place_baselines import (
+    Vlad,
+    closure_similarity,
+    local_maps,
+    read_similarity,
+    score_places,
+    similarity_of,
+)
+from recorder.laboratory.place_pairs import Frames, Pairs, find_pairs, frames_along
+from recorder.laboratory.true_map import field_of, look, seen_shares
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 CAMERA = field_of(CameraConfig(pinhole=Pinhole.from_fov(160, 120, 90.0)))

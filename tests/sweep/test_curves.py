@@ -14,10 +14,8 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.weather.parameters import changed_weather, weather_word
 from recorder.benchmark.results import Score
 from recorder.evaluation.metrics import mean_interval
-from recorder.sweep.curves import areas_of, curves_of
-from recorder.sweep.plan import Point
-from recorder.sweep.run import row_of
-from recorder.sweep.setting import Axis, Setting
+from recorder.laboratory.sweep import Axis, Point, Setting
+from recorder.laboratory.sweep_run import areas_of, curves_of, row_of
 
 
 def test_axes_are_even_in_value_or_logarithm() -> None:

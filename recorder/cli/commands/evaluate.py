@@ -142,8 +142,8 @@ def _judge_maps(
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Scores of maps as JSON values, and their pictures."""
     from recorder.cli.terminal import Progress
-    from recorder.map_truth.evaluate_map import MapJudge, MapTruthConfig, transform_of_map
-    from recorder.map_truth.map_files import read_map
+    from recorder.laboratory.map_truth import MapJudge, MapTruthConfig, transform_of_map
+    from recorder.laboratory.surface_cloud import read_map
 
     config = MapTruthConfig(
         drive=arguments.drive, map=arguments.town, traffic=arguments.traffic, rig=arguments.rig,

@@ -108,8 +108,7 @@ def _export(arguments: argparse.Namespace) -> dict[str, Any]:
     from carlaloc_env.scene.mesh import merge
     from carlaloc_env.town.build import load_town
     from carlaloc_env.town.town import without_movables
-    from recorder.map_truth.map_files import write_cloud, write_mesh
-    from recorder.map_truth.surface_cloud import Region, sample_surface
+    from recorder.laboratory.surface_cloud import Region, sample_surface, write_cloud, write_mesh
 
     if arguments.mesh is None and arguments.cloud is None:
         raise UsageError("nothing to export; give --mesh OUT, --cloud OUT or both")

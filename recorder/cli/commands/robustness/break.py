@@ -56,14 +56,19 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     check_tools()
     import numpy as np
 
-    from recorder.breaking.search import BreakConfig, Try, find_break, write_counter_example
-    from recorder.breaking.space import Range, ranges_of
     from recorder.episode.episode import Episode
+    from recorder.laboratory.breaking import (
+        BreakConfig,
+        Range,
+        Try,
+        find_break,
+        ranges_of,
+        write_counter_example,
+    )
+    from recorder.laboratory.sweep import Axis, SweepConfig
     from recorder.replaying.plan import ReplayOptions
     from recorder.slam.systems import system_of
     from recorder.streaming.drive import DriveConfig
-    from recorder.sweep.plan import SweepConfig
-    from recorder.sweep.setting import Axis
 
     system, drive = system_of(arguments.method), arguments.drive.resolve()
     last_s = Episode.load(drive).duration_s - arguments.stretch

@@ -30,7 +30,7 @@ from recorder.cli.arguments import (
 from recorder.cli.terminal import Progress
 
 if TYPE_CHECKING:
-    from recorder.closed_loop.run import DriveScore
+    from recorder.laboratory.closed_loop import DriveScore
 
 TABLE = "closed_loop.csv"
 """Name of the table in the folder."""
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Drive."""
-    from recorder.closed_loop.run import ClosedLoopConfig, run_closed_loop
+    from recorder.laboratory.closed_loop import ClosedLoopConfig, run_closed_loop
 
     config = config_of(
         ClosedLoopConfig, arguments, offsets_m=arguments.offset, seeds=tuple(range(arguments.seeds)),

@@ -34,7 +34,7 @@ from recorder.cli.arguments import (
 from recorder.cli.terminal import Progress
 
 if TYPE_CHECKING:
-    from recorder.consistency.run import ConsistencyResult
+    from recorder.laboratory.consistency import ConsistencyResult
 
 TABLE, PICTURE = "consistency.csv", "consistency.png"
 """Names of the files in the folder."""
@@ -73,15 +73,15 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
             writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
     files = [arguments.out / TABLE]
     if arguments.plot:
-        from recorder.consistency.figure import plot_consistency
+        from recorder.laboratory.consistency import plot_consistency
 
         files.append(plot_consistency(result, arguments.out / PICTURE, overwrite=True))
     return {"rows": rows, "failures": list(result.failures), "files": [str(path) for path in files]}
 
 
 def _of_files(arguments: argparse.Namespace) -> ConsistencyResult:
-    from recorder.consistency.run import compare_files
     from recorder.dataset.trajectories import read_trajectory
+    from recorder.laboratory.consistency import compare_files
 
     tied = arguments.align == "first"
     truth = read_trajectory(arguments.truth)
@@ -89,7 +89,7 @@ def _of_files(arguments: argparse.Namespace) -> ConsistencyResult:
 
 
 def _of_drive(arguments: argparse.Namespace) -> ConsistencyResult:
-    from recorder.consistency.run import ConsistencyConfig, run_consistency
+    from recorder.laboratory.consistency import ConsistencyConfig, run_consistency
 
     given: list[Path] = arguments.data
     if len(given) != 1 or given[0].suffix != ".mcap":

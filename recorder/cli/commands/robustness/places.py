@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Compare."""
     from recorder.cli.terminal import Progress
-    from recorder.places.places import PlacesConfig, compare_places
+    from recorder.laboratory.places import PlacesConfig, compare_places
 
     config = config_of(
         PlacesConfig, arguments, query_weathers=arguments.query_weather, every_m=arguments.every,

@@ -57,10 +57,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the sweep."""
     check_tools()
     from recorder.benchmark.results import BenchmarkConfig
-    from recorder.sweep.plan import SweepConfig
-    from recorder.sweep.report import write_report
-    from recorder.sweep.run import run_sweep
-    from recorder.sweep.setting import Axis
+    from recorder.laboratory.sweep import Axis, SweepConfig
+    from recorder.laboratory.sweep_run import run_sweep, write_report
 
     axes = tuple(Axis.parse(word) for word in arguments.over)
     first = arguments.drives[0].resolve()

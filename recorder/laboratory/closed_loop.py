@@ -16,10 +16,9 @@ from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
-from recorder.closed_loop.estimated_pose_env import EstimatedPoseEnv
-from recorder.closed_loop.pose_source import KnownError, PoseSource, SystemPose
-from recorder.closed_loop.step_driver import StepDriver
 from recorder.evaluation.align import umeyama
+from recorder.laboratory.estimated_pose_env import EstimatedPoseEnv, StepDriver
+from recorder.laboratory.pose_source import KnownError, PoseSource, SystemPose
 
 Progress = Callable[[float, int, str | None], None]
 """Called with drives done, drives in all, and the drive that has ended, if one has."""

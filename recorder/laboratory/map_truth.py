@@ -25,10 +25,9 @@ from recorder.episode.summary import town_of, traffic_level
 from recorder.evaluation.align import Similarity, roll_turn
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.trajectory import Trajectory
-from recorder.map_truth.ghosts import GhostRule, find_ghosts
-from recorder.map_truth.scores import Distances, MapScore, measure, score_map
-from recorder.map_truth.surface_cloud import Region, SurfaceCloud, sample_surface
-from recorder.map_truth.true_map import Progress, TrueMap, ever_visible
+from recorder.laboratory.map_scores import Distances, GhostRule, MapScore, find_ghosts, measure, score_map
+from recorder.laboratory.surface_cloud import Region, SurfaceCloud, sample_surface
+from recorder.laboratory.true_map import Progress, TrueMap, ever_visible
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 

@@ -19,8 +19,7 @@ from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.timeline.timeline import Timeline
-from recorder.map_truth.true_map import Progress
-from recorder.map_truth.views import Field, look, seen_shares
+from recorder.laboratory.true_map import Field, Progress, look, seen_shares
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,10 +22,18 @@ from carlaloc_env.weather.schedule import weather_of
 from recorder.dataset.readings import first_camera_of, lidar_of
 from recorder.episode.episode import Episode
 from recorder.episode.summary import town_of
-from recorder.map_truth.views import field_of
-from recorder.places.baselines import Vlad, check_map_closures, closure_similarity, local_maps
-from recorder.places.pairs import Frames, Pairs, find_pairs, frames_along, write_csv
-from recorder.places.recall import PlaceScore, read_similarity, score_places, similarity_of
+from recorder.laboratory.place_baselines import (
+    PlaceScore,
+    Vlad,
+    check_map_closures,
+    closure_similarity,
+    local_maps,
+    read_similarity,
+    score_places,
+    similarity_of,
+)
+from recorder.laboratory.place_pairs import Frames, Pairs, find_pairs, frames_along, write_csv
+from recorder.laboratory.true_map import field_of
 from recorder.replaying.level_sensors import LevelSensors
 from recorder.replaying.plan import ReplayConfig, ReplayPlan, plan_replay
 from recorder.writers.base import grey

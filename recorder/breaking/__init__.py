@@ -1,1 +1,0 @@
-"""Search for the mildest condition in which a SLAM system fails."""

@@ -1,1 +1,0 @@
-"""Whether an estimator's confidence is honest: stated covariances against true scatter over noise seeds."""

@@ -1,0 +1,1 @@
+"""Experiments with SLAM systems: sweeps, breaking points, consistency, places, closed loops, maps."""

@@ -1,1 +1,0 @@
-"""Place recognition: pairs of frames, exact overlap, recall, and baselines."""
