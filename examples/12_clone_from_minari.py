@@ -18,7 +18,7 @@ from learning.pupil import Pupil
 from learning.town01_route import SKIP, Ride, make_env
 from learning.unseen import score
 from recorder.drive.record import RecordConfig, record
-from recorder.minari.dataset import MinariConfig, write_minari
+from recorder.minari import MinariConfig, write_minari
 
 
 def main(

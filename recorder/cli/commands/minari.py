@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write the data set."""
-    from recorder.minari.dataset import MinariConfig, write_minari
+    from recorder.minari import MinariConfig, write_minari
 
     config = config_of(MinariConfig, arguments, episodes=tuple(arguments.episodes))
     with Progress("observing") as progress:

@@ -1,1 +1,0 @@
-"""Minari data sets of recorded drives."""
