@@ -16,7 +16,8 @@ from carlaloc_env.core.errors import ConfigError, OutputError
 from recorder.cli.main import main
 from recorder.dataset.layout import checksums
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.publishing import prepare, tables
+from recorder.publishing import prepare
+from recorder.publishing import prepare as tables
 from recorder.publishing.prepare import prepare_for_hub
 from recorder.replaying.replay import ReplayConfig, replay
 
