@@ -297,7 +297,7 @@ class _ConditionAction(argparse.Action):
     """Sets the options of a condition to those of a file."""
 
     def __call__(self, _: Any, namespace: argparse.Namespace, values: Any, __: str | None = None) -> None:
-        from recorder.replaying.condition_file import ConditionFile
+        from recorder.replaying.conditions import ConditionFile
 
         try:
             found = ConditionFile.read(values)

@@ -278,7 +278,7 @@ def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -
     """
     import pandas as pd
 
-    from recorder.replaying.condition_file import ConditionFile
+    from recorder.replaying.conditions import ConditionFile
     from recorder.replaying.replay import ReplayConfig, replay
 
     rows = [

@@ -24,9 +24,8 @@ from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import without_movables
 from recorder.episode.episode import Episode
 from recorder.episode.summary import TrafficLevel, town_of
-from recorder.replaying.camera_history import first_pictures_ns
-from recorder.replaying.spool import Order
-from recorder.replaying.units import Recipe
+from recorder.replaying.conditions import Recipe
+from recorder.replaying.spool import Order, first_pictures_ns
 
 
 @dataclass(frozen=True, slots=True)

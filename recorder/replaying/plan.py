@@ -24,9 +24,7 @@ from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, Sequenc
 from recorder.dataset.manifest import drive_origin, has_drive
 from recorder.episode.episode import Episode
 from recorder.episode.summary import check_kept_town, town_id_of
-from recorder.replaying.code_digest import code_digest
-from recorder.replaying.conditions import conditions_of
-from recorder.replaying.units import Recipe, Unit, units_of
+from recorder.replaying.conditions import Recipe, Unit, code_digest, conditions_of, units_of
 from recorder.writers.topics import profile_by_name
 
 

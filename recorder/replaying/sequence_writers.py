@@ -18,9 +18,8 @@ from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.layout import FILM, FORMATS, SEG_BAG, DriveFolder, SequenceFolder, write_checksums
 from recorder.dataset.manifest import SequenceDescription
-from recorder.replaying.conditions import Condition
-from recorder.replaying.sample_counts import SampleCounts
-from recorder.replaying.units import Recipe
+from recorder.replaying.conditions import Condition, Recipe
+from recorder.replaying.spool import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, write_text
 from recorder.writers.calibration.files import calibration_texts, write_calibration
 from recorder.writers.formats.dsec_disparity import DsecDisparityEncoder, DsecDisparityWriter

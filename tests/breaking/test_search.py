@@ -13,7 +13,7 @@ from carlaloc_env.core.errors import ConfigError
 from recorder.cli.main import main
 from recorder.laboratory.breaking import Range, distance, ranges_of, setting_at
 from recorder.laboratory.sweep import Setting
-from recorder.replaying.condition_file import ConditionFile
+from recorder.replaying.conditions import ConditionFile
 
 FRAGILE = """
 import numpy as np

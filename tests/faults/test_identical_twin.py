@@ -20,7 +20,7 @@ from recorder.benchmark.run import run_benchmark
 from recorder.cli.main import main
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest
-from recorder.replaying.condition_file import ConditionFile
+from recorder.replaying.conditions import ConditionFile
 from recorder.replaying.plan import ReplayOptions
 from recorder.replaying.replay import replay
 from recorder.streaming.drive import DriveConfig

@@ -11,8 +11,8 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 from carlaloc_env.core.clock import STEP_NS
 from recorder.dataset.layout import checksums
 from recorder.episode.summary import traffic_level
+from recorder.replaying.conditions import units_of
 from recorder.replaying.replay import replay
-from recorder.replaying.units import units_of
 
 S = 1_000_000_000
 

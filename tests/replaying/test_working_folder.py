@@ -14,9 +14,8 @@ from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import WriterError
 from recorder.dataset.layout import checksums
-from recorder.replaying import code_digest
+from recorder.replaying import conditions, run
 from recorder.replaying import plan as replay_plan
-from recorder.replaying import run as replay_run
 from recorder.replaying.replay import ReplayConfig, replay
 from recorder.replaying.working_folder import FOLDER, WorkingFolder
 
@@ -32,7 +31,7 @@ def left_unfinished(config: ReplayConfig, monkeypatch: pytest.MonkeyPatch) -> No
         raise WriterError("cannot write here: No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(replay_run, "assemble", fail)
+        patch.setattr(run, "assemble", fail)
         with pytest.raises(WriterError, match=r"No space .*; 4 parts are whole, and the same command"):
             replay(config)
 
@@ -68,7 +67,7 @@ def test_other_code_does_not_go_on(
 ) -> None:
     config = straight_drive.config(tmp_path / "data")
     left_unfinished(config, monkeypatch)
-    assert len(code_digest.code_digest()) == 64
+    assert len(conditions.code_digest()) == 64
     monkeypatch.setattr(replay_plan, "code_digest", lambda: "other")
     with pytest.raises(WriterError, match="another version of CarlaLoc"):
         replay(config)
