@@ -15,8 +15,6 @@ from recorder.replaying.replay import ReplayConfig as ReplayConfig
 from recorder.replaying.replay import ReplayOptions as ReplayOptions
 from recorder.replaying.replay import ReplayResult as ReplayResult
 from recorder.replaying.replay import replay as replay
-from recorder.report.town_preview import draw_town as draw_town
-from recorder.report.trajectory_plot import plot_trajectories as plot_trajectories
 from recorder.slam.bag_odometry import run_odometry as run_odometry
 from recorder.writers.base import Encoder as Encoder
 from recorder.writers.base import Writer as Writer

@@ -20,7 +20,7 @@ from carlaloc_env.weather.parameters import weather_by_name
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
 from recorder.episode.messages import actor_states
-from recorder.report.instant import pictures_of_instant, rows_of_three
+from recorder.report.mosaic import pictures_of_instant, rows_of_three
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "sensors.jpg"
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")

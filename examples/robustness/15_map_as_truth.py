@@ -15,7 +15,7 @@ from carlaloc_env.scene.materials import DYNAMIC_TAGS
 from recorder import ReplayConfig, Trajectory, evaluate, read_tum
 from recorder.dataset.scans import Scan
 from recorder.laboratory.map_truth import MapJudge, MapTruthConfig, build_map, transform_of_map
-from recorder.report.map_plot import plot_map
+from recorder.report.trajectory_plot import plot_map
 from recorder.slam.runners import small_gicp
 from recorder.slam.system import FrameClock
 from recorder.streaming.drive import describe_drive

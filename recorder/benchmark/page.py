@@ -27,8 +27,8 @@ from recorder.benchmark.tables import RULE, Tables, all_tables, frame_of, titles
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SlamSequence
 from recorder.evaluation.evaluate import PathErrors
-from recorder.report.lane_lines import lane_lines_of
 from recorder.report.mosaic import panels_in
+from recorder.report.town_preview import lane_lines_of
 from recorder.report.trajectory_plot import COLOURS
 from recorder.view.sequence_view import record_sequence
 

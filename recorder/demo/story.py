@@ -27,7 +27,7 @@ from recorder.episode.summary import town_of, traffic_level
 from recorder.evaluation.evaluate import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.replay import Progress, ReplayConfig, ReplayResult, replay
-from recorder.report.instant import pictures_of_instant, rows_of_three
+from recorder.report.mosaic import pictures_of_instant, rows_of_three
 from recorder.slam.systems import SYSTEMS
 
 DRIVE = Path(__file__).with_name("town10.mcap")
@@ -146,8 +146,8 @@ def draw_story(config: DemoConfig, found: BenchmarkResult, truth: Path) -> list[
     if not REPORT:
         return []
     from recorder.benchmark.page import write_page
-    from recorder.report.condition_plot import plot_conditions
-    from recorder.report.lane_lines import lane_lines_of
+    from recorder.report.town_preview import lane_lines_of
+    from recorder.report.trajectory_plot import plot_conditions
 
     header = open_episode(DRIVE).header
     walkers = int((header.catalog.tag == Tag.PEDESTRIAN).sum())

@@ -17,7 +17,7 @@ from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.evaluate import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.report.lane_lines import lane_lines_of
+from recorder.report.town_preview import lane_lines_of
 from recorder.view.recording import BASE_LINK, WORLD, Recording, new_recording
 from recorder.view.town_view import log_lanes
 

@@ -10,7 +10,7 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import PALETTE_RGB, Tag
 from carlaloc_env.town.town import Town
-from recorder.report.lane_lines import lane_lines
+from recorder.report.town_preview import lane_lines
 from recorder.view.recording import WORLD, Recording, new_recording
 
 LANE, ROUTE = (60, 210, 255), (255, 120, 20)

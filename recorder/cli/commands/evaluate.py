@@ -156,7 +156,7 @@ def _judge_maps(
     found = [judge.judge(points, transform_of_map(result), name=str(path)) for path, points in clouds]
     pictures: list[str] = []
     if arguments.plot is not None:
-        from recorder.report.map_plot import plot_map
+        from recorder.report.trajectory_plot import plot_map
 
         for judged, (path, _) in zip(found, clouds, strict=True):
             picture = arguments.plot / f"map_{path.stem}.png"
