@@ -27,8 +27,7 @@ from recorder.evaluation.evaluate import PathErrors
 from recorder.replaying.unit_work import STOP
 from recorder.replaying.workers import DaskCluster, Task, ThisProcess, Workers, progress_of, run_tasks
 from recorder.slam.supervisor import LOG, RunRecord
-from recorder.slam.system_file import is_system_file
-from recorder.slam.systems import SYSTEMS, system_of
+from recorder.slam.systems import SYSTEMS, is_system_file, system_of
 
 __all__ = ["BenchmarkConfig", "BenchmarkResult", "Progress", "run_benchmark"]
 

@@ -13,7 +13,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.array_types import Array
 from recorder.cli.main import main
-from recorder.slam.runners.small_gicp import fit_covariance
+from recorder.slam.runners.lidar_odometry import fit_covariance
 
 small_gicp = pytest.importorskip("small_gicp")
 

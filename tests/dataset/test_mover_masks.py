@@ -15,7 +15,7 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.scene.materials import Tag
 from recorder.dataset.folder_readings import MARGIN_PX, mover_masks, painted_over, pairs_without_movers
 from recorder.dataset.readings import StereoPair
-from recorder.slam.stereo_vo.odometry import StereoOdometry
+from recorder.slam.stereo_vo import StereoOdometry
 
 WIDTH, HEIGHT, CAR = 320, 200, (slice(60, 140), slice(100, 220))
 FOCAL_PX, BASELINE_M, DEPTH_M = 200.0, 0.5, 5.0

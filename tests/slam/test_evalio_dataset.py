@@ -19,7 +19,7 @@ def test_sequences_are_members_with_sweeps_and_parameters(
 ) -> None:
     data = write_dataset(tmp_path / "d", sweeps=4)
     monkeypatch.setenv("CARLALOC_DATA", str(data))
-    module = importlib.reload(importlib.import_module("recorder.slam.evalio_dataset"))
+    module = importlib.reload(importlib.import_module("recorder.slam.runners.evalio"))
     (sequence,) = module.CarlaLoc.sequences()
     assert sequence.full_name == "carla_loc/box_clearnoon_dynamic"
     assert len(sequence) == 4

@@ -7,7 +7,7 @@ from scipy.optimize import approx_fprime
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import quat_to_matrix, rotvec_to_quat
-from recorder.slam.stereo_vo.bundle_adjustment import Sightings, StereoCamera, adjust
+from recorder.slam.bundle_adjustment import Sightings, StereoCamera, adjust
 
 CAMERA = StereoCamera(focal_px=400.0, centre_px=np.array([320.0, 180.0]), baseline_m=0.5)
 STEP_M = 0.8

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from recorder.dataset.readings import StereoPair
-from recorder.slam.stereo_vo.odometry import StereoOdometry
+from recorder.slam.stereo_vo import StereoOdometry
 
 FOCAL_PX, BASELINE_M, DEPTH_M = 200.0, 0.5, 5.0
 WIDTH, HEIGHT = 320, 200

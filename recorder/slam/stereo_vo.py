@@ -20,8 +20,7 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import EvaluationError
 from recorder.dataset.readings import StereoPair
 from recorder.dataset.sequence import SlamSequence
-from recorder.slam.stereo_vo.bundle_adjustment import StereoCamera
-from recorder.slam.stereo_vo.keyframe_window import KeyframeWindow
+from recorder.slam.bundle_adjustment import KeyframeWindow, StereoCamera
 from recorder.slam.system import FrameClock, StampedPose
 
 CORNERS, CORNERS_MIN, SPACING_PX = 700, 350, 9

@@ -1,1 +1,0 @@
-"""Stereo visual odometry of our own."""
