@@ -23,9 +23,8 @@ from recorder.dataset.sequence import SEGMENTED
 from recorder.replaying.replay import replay
 from recorder.replaying.unit_work import STOP
 from recorder.slam.supervisor import RunRecord
-from recorder.streaming.drive import DriveStream
+from recorder.streaming.drive import DriveStream, RunningFeed
 from recorder.streaming.frames import FrameJob, Key
-from recorder.streaming.run_feed import RunningFeed
 
 TOGETHER = 8
 """Most systems of a batch: each is a process with a map of its own in memory."""
