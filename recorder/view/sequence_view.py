@@ -18,8 +18,7 @@ from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.evaluate import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.report.town_preview import lane_lines_of
-from recorder.view.recording import BASE_LINK, WORLD, Recording, new_recording
-from recorder.view.town_view import log_lanes
+from recorder.view.recording import BASE_LINK, WORLD, Recording, log_lanes, new_recording
 
 PERIOD_S = 0.2
 """Time between two clouds, and between two images, that are shown [s]."""

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write a recording, and show it if it has no name."""
-    from recorder.view.viewer import check_display, open_viewer
+    from recorder.view.recording import check_display, open_viewer
 
     if arguments.out is not None:
         kind = _record(arguments, arguments.out)
@@ -66,7 +66,7 @@ def _record(arguments: argparse.Namespace, out: Path) -> str:
     if what.is_dir() and not (what / "town.xodr").is_file():
         raise ConfigError(f"{what} is no sequence and no town; give a folder that holds {SEQUENCE}")
     from carlaloc_env.town.build import load_town
-    from recorder.view.town_view import record_town
+    from recorder.view.recording import record_town
 
     record_town(load_town(what), out, overwrite=arguments.force)
     return "town"
@@ -75,7 +75,7 @@ def _record(arguments: argparse.Namespace, out: Path) -> str:
 def _episode(arguments: argparse.Namespace, out: Path) -> str:
     from recorder.episode.episode import open_episode
     from recorder.episode.summary import town_of
-    from recorder.view.episode_view import record_episode
+    from recorder.view.recording import record_episode
 
     episode = open_episode(arguments.what)
     record_episode(episode, town_of(episode, arguments.map), out, overwrite=arguments.force)
