@@ -22,7 +22,7 @@ from carlaloc_env.weather.schedule import weather_of
 from recorder.devices.registry import open_device
 from recorder.drive.listeners import EpisodeListener
 from recorder.episode.episode import EpisodeHeader, EpisodeWriter
-from recorder.window.status import DriveStatus
+from recorder.window.hud import DriveStatus
 
 VEHICLES, WALKERS = 266, 34
 _CALM = TrafficConfig(vehicles=50, walkers=10, seed=SEED)

@@ -32,7 +32,7 @@ from recorder.episode.messages import VIOLATIONS
 from recorder.episode.summary import driven_distance_m
 from recorder.episode.writer import check_episode_output, recording_path, repair_command
 from recorder.window.cockpit import WindowCockpit
-from recorder.window.opening import Opening
+from recorder.window.start_screen import Opening
 
 Progress = Callable[[float, float], None]
 """Called with seconds driven and metres along the route."""

@@ -23,7 +23,7 @@ from recorder.devices.inputs import KeyPanel
 from recorder.drive.listeners import FIRST_DRIVEN_TICK, EpisodeListener, RuleMonitor
 from recorder.episode.episode import Episode, EpisodeWriter
 from recorder.episode.messages import VIOLATIONS
-from recorder.window.status import DriveStatus
+from recorder.window.hud import DriveStatus
 
 MOST_TICKS = 10
 """Most ticks between two images: beyond it the world runs slower than real time."""

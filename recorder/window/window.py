@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import DeviceError
 from recorder.devices.inputs import import_pygame
-from recorder.window.lettering import BLUE, DARK, WHITE
+from recorder.window.hud import BLUE, DARK, WHITE
 
 if TYPE_CHECKING:
     from recorder.window.hud import Hud, HudState

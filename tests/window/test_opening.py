@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import DeviceError, MapError
-from recorder.window.opening import Opening
+from recorder.window.start_screen import Opening
 
 pygame = pytest.importorskip("pygame")
 
@@ -48,7 +48,7 @@ def test_nobody_drives_unseen(device: str, options: tuple[str, ...], tmp_path: P
 
 def test_the_window_opens_before_the_rest_is_loaded() -> None:
     """All that it needs is loaded in a fraction of a second."""
-    code = f"import sys, recorder.window.opening; print(*set({HEAVY!r}) & set(sys.modules))"
+    code = f"import sys, recorder.window.start_screen; print(*set({HEAVY!r}) & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 

@@ -25,10 +25,9 @@ from carlaloc_env.timeline.timeline import Snapshot, is_blink
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.window.render_process import RenderProcess
-from recorder.window.snapshot import present_of
-from recorder.window.status import DriveStatus
-from recorder.window.views import LiveView
+from recorder.window.cockpit import present_of
+from recorder.window.hud import DriveStatus
+from recorder.window.render_process import LiveView, RenderProcess
 
 pytest.importorskip("moderngl")
 ALONE = """

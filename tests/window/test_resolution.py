@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from recorder.window.resolution import BUDGET_S, FIRST_PX, SIZES_PX, LiveResolution
+from recorder.window.render_process import BUDGET_S, FIRST_PX, SIZES_PX, LiveResolution
 from recorder.window.window import WINDOW_PX
 
 LARGEST = WINDOW_PX[0] * WINDOW_PX[1]

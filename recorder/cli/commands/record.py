@@ -34,7 +34,7 @@ from recorder.devices.base import HUMAN, wants_window
 from recorder.drive.session import SLOW
 
 if TYPE_CHECKING:
-    from recorder.window.opening import Opening
+    from recorder.window.start_screen import Opening
 
 _TOWN, _WEATHER, _TRAFFIC = "Town03", "ClearNoon", "dynamic"
 
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         if _chooses(arguments):
             _choose(arguments, stack)
         if wants_window(arguments.device, arguments.window):
-            from recorder.window.opening import Opening
+            from recorder.window.start_screen import Opening
 
             # Open before the rest is loaded, which takes seconds.
             opening = stack.enter_context(Opening(arguments.map or _TOWN))
