@@ -29,7 +29,7 @@ from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.dataset.layout import CHECKSUMS, SEQUENCE, file_sha256, read_checksums, sequences_below
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.writers.yaml_text import filled
+from recorder.writers.rig_calibration import filled
 
 FOLDER_FILES = 10_000
 """Entries of a folder of the Hugging Face hub."""

@@ -22,13 +22,11 @@ from recorder.replaying.conditions import Condition, Recipe
 from recorder.replaying.spool import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, write_text
 from recorder.writers.calibration.files import calibration_texts, write_calibration
-from recorder.writers.formats.dsec_disparity import DsecDisparityEncoder, DsecDisparityWriter
-from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
-from recorder.writers.formats.euroc_states import write_state_csv
+from recorder.writers.formats.dsec import DsecDisparityEncoder, DsecDisparityWriter
+from recorder.writers.formats.euroc import EurocEncoder, EurocWriter, write_state_csv
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
 from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter, shown_streams
-from recorder.writers.formats.raw import RawEncoder, RawWriter
-from recorder.writers.formats.tum import write_truth
+from recorder.writers.formats.raw import RawEncoder, RawWriter, write_truth
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer

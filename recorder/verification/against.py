@@ -23,7 +23,7 @@ from recorder.dataset.manifest import DatasetManifest
 from recorder.dataset.readings import open_bag
 from recorder.episode.episode import read_episode_file
 from recorder.episode.mcap_container import Container
-from recorder.writers.ros.event_messages import EVENT_TYPE, unpacked_events
+from recorder.writers.ros.message_parts import EVENT_TYPE, unpacked_events
 
 STEP = 1
 """Largest difference of a value of a picture [steps of 8 bits]."""

@@ -19,7 +19,7 @@ from recorder.dataset.readings import open_bag, topic_of
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.writers.calibration.files import EXTRINSICS
-from recorder.writers.ros.compact_messages import DRACO_FIELDS, depth_of_png, draco
+from recorder.writers.ros.sensor_messages import DRACO_FIELDS, depth_of_png, draco
 from recorder.writers.topics import TopicProfile
 
 FRAMES = 5

@@ -13,10 +13,10 @@ from shared_fixtures.readings.bag_samples import imu, truth
 
 from carlaloc_env.samples import CanState, GnssFix, ObjectList, RadarScan, Sample, SemanticImage, WheelTicks
 from recorder.writers.can_bus import FRAMES
+from recorder.writers.rig_calibration import filled
 from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
 from recorder.writers.topics import PROFILES, STANDARD
-from recorder.writers.yaml_text import filled
 
 OFFICIAL_MD5 = {
     "radar_msgs/msg/RadarScan": "6dfacef1e665538dbd8e159d5ce7a97a",
