@@ -16,7 +16,7 @@ from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_HZ
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.world import traffic_of_town
+from carlaloc_env.traffic.population import traffic_of_town
 from recorder.devices.scripted.driver import ScriptedDriver
 from recorder.drive.listeners import RuleMonitor
 

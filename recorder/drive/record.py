@@ -20,7 +20,7 @@ from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town, without_movables
-from carlaloc_env.traffic.world import traffic_of_town
+from carlaloc_env.traffic.population import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.devices.base import DEVICES, HUMAN, Device
 from recorder.devices.human import HumanDevice

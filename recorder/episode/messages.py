@@ -11,10 +11,11 @@ The actors' message of an episode: fixed point, split so that it compresses well
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -237,7 +238,7 @@ class EgoRow:
     """Velocity in world axes [m/s], shape (3,)."""
     omega_body_radps: ArrayLike = (0.0, 0.0, 0.0)
     """Body rate [rad/s], shape (3,)."""
-    controls: Controls = field(default_factory=Controls)
+    controls: Controls = dataclasses.field(default_factory=Controls)
     """Controls that the physics took."""
     raw: Controls | None = None
     """The device's axes before shaping; None: the same as `controls`."""

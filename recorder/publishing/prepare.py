@@ -17,10 +17,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timezone
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import yaml
 
 from carlaloc_env import __version__
@@ -30,6 +29,9 @@ from recorder.dataset.layout import CHECKSUMS, SEQUENCE, file_sha256, read_check
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.writers.rig_calibration import filled
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FOLDER_FILES = 10_000
 """Entries of a folder of the Hugging Face hub."""
@@ -71,8 +73,6 @@ def check_packages() -> None:
 
 
 def _lay_out(dataset: Path, folder: Path, folder_files: int) -> None:
-    # Imported after `check_packages`.
-
     manifest, sums = DatasetManifest.read(dataset), read_checksums(dataset)
     members: dict[Path, list[str]] = {}
     for name in sums:
@@ -275,6 +275,8 @@ def trajectories(dataset: Path) -> pd.DataFrame:
 
     Columns: town, frame, stamp_ns, tx ty tz [m], qx qy qz qw; the world of `docs/conventions.md`.
     """
+    import pandas as pd  # comes with mlcroissant
+
     tables = []
     for file in sorted(dataset.glob("*/ground_truth/*.tum")):
         truth = read_tum(file)
@@ -292,6 +294,8 @@ def conditions(dataset: Path, sha256: Mapping[str, str]) -> pd.DataFrame:
         dataset: The dataset.
         sha256: Checksums of all files of the dataset.
     """
+    import pandas as pd
+
     rows = []
     for folder in sequences_below(dataset):
         found = SequenceDescription.read(folder)

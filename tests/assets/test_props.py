@@ -22,10 +22,11 @@ from carlaloc_env.scene.mesh import Mesh
 
 PLAIN = Look(Material.PLAIN, Tag.STATIC)
 PROPS = (
-    street_furniture.lamp, street_furniture.bench, street_furniture.bin_, street_furniture.hydrant, street_furniture.bollard, street_furniture.banner,
-    street_furniture.bus_shelter, street_furniture.advertising_column, street_furniture.newspaper_box, street_furniture.post_box,
-    street_furniture.cabinet, street_furniture.planter, posts_and_fences.utility_pole, posts_and_fences.delineator,
-    shrub, hedge,
+    street_furniture.lamp, street_furniture.bench, street_furniture.bin_, street_furniture.hydrant,
+    street_furniture.bollard, street_furniture.banner, street_furniture.bus_shelter,
+    street_furniture.advertising_column, street_furniture.newspaper_box, street_furniture.post_box,
+    street_furniture.cabinet, street_furniture.planter, posts_and_fences.utility_pole,
+    posts_and_fences.delineator, shrub, hedge,
 )  # fmt: skip
 
 

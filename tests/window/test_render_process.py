@@ -23,7 +23,7 @@ from carlaloc_env.render.lighting.light_sources import Emitters
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import Snapshot, is_blink
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.world import traffic_of_town
+from carlaloc_env.traffic.population import traffic_of_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.window.cockpit import present_of
 from recorder.window.hud import DriveStatus

@@ -1,1 +1,0 @@
-"""Profiles of common wheels and gamepads, one YAML file each."""
