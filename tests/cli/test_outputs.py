@@ -27,8 +27,8 @@ NAMES_THAT_ARE_READ = {
 }  # fmt: skip
 """Options that are plain text. Whoever adds one says here that it names nothing that is written."""
 VALUES = (
-    int, float, arguments.names, arguments.number, arguments.numbers, arguments.seconds, arguments.positive_seconds,
-    arguments.positive_int, arguments.seed, arguments.number_or_search,
+    int, float, arguments.names, arguments.number, arguments.numbers, arguments.seconds,
+    arguments.positive_seconds, arguments.positive_int, arguments.seed, arguments.number_or_search,
 )  # fmt: skip
 
 Words, Parser, Action = tuple[str, ...], argparse.ArgumentParser, argparse.Action
