@@ -5,8 +5,6 @@ the direct method, in turns. Prints the shortest wall-clock and CPU times and th
 the optimisation saves; docs/performance.md has the table.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import time

@@ -1,7 +1,5 @@
 """Common parts of the table's rows: their fields, and the town, drive and rivals of all rows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Time of Embree alone for a LiDAR's rays: town and actors as one scene that does not move."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

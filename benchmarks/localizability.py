@@ -12,8 +12,6 @@ For each town, with the paper's LiDAR and without traffic: the median over the r
 longest stretch below a tenth of Town03's median. `firm`: leaves and grass hold nothing. `--curve` draws it.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 

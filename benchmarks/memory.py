@@ -1,7 +1,5 @@
 """Memory of a command and of all processes that it starts."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -13,8 +13,6 @@ Prints for each drive: localizability (least eigenvalue, returns from leaves con
 road and among movers, the movers' share of the points, and the pull along the road.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from pathlib import Path

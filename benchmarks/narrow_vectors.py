@@ -5,8 +5,6 @@ uses all instructions of this machine. The other restricts numba, NumPy, OpenCV,
 llvmpipe to 128-bit vectors without fused multiply-add. Embree chooses for itself.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import os

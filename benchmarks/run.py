@@ -4,8 +4,6 @@ Prints median, shortest time and CPU time of every row, and whether the target i
 Times depend on the machine and on what else it does; the ratios hold.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

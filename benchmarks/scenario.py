@@ -1,7 +1,5 @@
 """The drive that the benchmarks look at: Town03, much traffic around a moving ego."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ wall-clock and CPU times; on an idle machine with two cores the wall-clock time 
 CPU time.
 """
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 

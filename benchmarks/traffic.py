@@ -3,8 +3,6 @@
 ``python benchmarks/traffic.py Town03 237 34 120`` runs Town03 with 237 vehicles and 34 walkers for 120 s.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

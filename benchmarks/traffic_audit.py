@@ -1,7 +1,5 @@
 """Audit of traffic from outside: overlapping boxes, stuck vehicles, lights run, walkers hit or astray."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, field
 

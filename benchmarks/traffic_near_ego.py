@@ -5,8 +5,6 @@ with the scripted driver, ten times each. It prints the mean number of moving ac
 25 m. Single drives differ by a factor of two, because of queues at one light.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 

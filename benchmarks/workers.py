@@ -4,8 +4,6 @@ The same stretch of a drive is replayed anew for each number of workers, with ca
 line is the speed of cores that share nothing.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

@@ -1,7 +1,5 @@
 """Step the Gymnasium environment: drive along the route with three lines of steering."""
 
-from __future__ import annotations
-
 import gymnasium
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Use your own sensor rig from a YAML file, and change it in Python."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

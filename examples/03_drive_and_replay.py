@@ -1,7 +1,5 @@
 """Record a drive with an input device of your own, replay it twice, and read the bags."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from rosbags.highlevel import AnyReader

@@ -1,7 +1,5 @@
 """Score an estimate: how far is the path of raw GNSS fixes from the truth?"""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Measure a recorded drive with a sensor that the package does not have: `own_sensors/barometer.py`."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Your own sensor in a ROS bag: the sensor's file, one message function, one table line."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 carlaloc benchmark data --out scores --methods examples/07_own_slam_system.py,kiss_icp
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path

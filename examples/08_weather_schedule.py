@@ -1,7 +1,5 @@
 """Your own weather schedule: in a replay, a clear noon turns to fog within seconds."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An OpenDRIVE map of your own becomes a town to drive in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import gymnasium

@@ -1,7 +1,5 @@
 """Sequences in VSLAM-LAB's layout: python examples/10_vslam_lab.py data VSLAM-LAB-Benchmark/CARLALOC."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from pathlib import Path

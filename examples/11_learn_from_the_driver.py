@@ -5,8 +5,6 @@ the lane. So the pupil drives, and the teacher supplies its own action at every 
 Bagnell: A Reduction of Imitation Learning ..., AISTATS 2011). Needs the extra `learn`.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -5,8 +5,6 @@ recorded drives alone is a beginning; example 11 explains why, and improves it.
 Needs the extras `learn` and `minari`.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Here two runners run on this machine; on a cluster, call `ray.init(address="auto
 Every machine keeps towns, models and machine code in its own cache, `CARLALOC_CACHE`.
 """
 
-from __future__ import annotations
-
 import os
 
 import ray

@@ -4,8 +4,6 @@
 town: `--towns Town01 Town03 Town04 Town06 Town10 --route random --begin-with out/agent.pt`.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from functools import partial

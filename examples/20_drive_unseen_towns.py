@@ -3,8 +3,6 @@
 `python examples/20_drive_unseen_towns.py out/agent.pt Town05 Town07`: the same random routes and traffic.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """What works on this machine, how fast, and what to install for what does not."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shutil

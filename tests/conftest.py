@@ -1,7 +1,5 @@
 """What all tests share, which are long, and their order: long ones first, so that no process ends alone."""
 
-from __future__ import annotations
-
 import signal
 
 import hypothesis

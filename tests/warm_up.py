@@ -4,8 +4,6 @@
 of sensors. They stay in the caches of the user; what is there already is only read.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The dataset factory: time per condition-second, compared with naive PyBullet."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Scoring an hour of 200 Hz poses from two files, beside evo on the same files."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from pathlib import Path

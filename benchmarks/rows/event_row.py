@@ -1,7 +1,5 @@
 """The event camera: its cost beyond two pictures of a camera in town, at the speed of a main road."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import cast
 

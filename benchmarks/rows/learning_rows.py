@@ -1,7 +1,5 @@
 """Learning agents: steps per second of the environments."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

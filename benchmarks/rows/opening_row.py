@@ -1,7 +1,5 @@
 """Times from the command to the open window and to the start of the drive."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """Sensors: LiDAR and camera compared with PyBullet's, LiDAR compared with Embree alone."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

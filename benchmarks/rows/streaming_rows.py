@@ -1,7 +1,5 @@
 """Time to make frames for systems that read a drive in place of a dataset."""
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import replace
 from pathlib import Path

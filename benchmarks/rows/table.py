@@ -1,7 +1,5 @@
 """The rows of the table that `run.py` measures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from bench import Bench, Row

@@ -1,7 +1,5 @@
 """The driving world and the environment: physics, ticks, start, steps, memory."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from collections.abc import Callable

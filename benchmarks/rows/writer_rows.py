@@ -1,7 +1,5 @@
 """Bag writers: bytes a second into memory, and the paper's LiDAR beside a conversion point by point."""
 
-from __future__ import annotations
-
 import itertools
 import struct
 import tempfile

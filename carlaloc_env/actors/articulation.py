@@ -1,7 +1,5 @@
 """Moving parts of actors: wheels that turn and steer, phases of a gait; tables for placing them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

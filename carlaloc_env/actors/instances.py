@@ -3,8 +3,6 @@
 Shapes of actors for rays: the ones that cameras see, at the time of each ray.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Texts of the vehicles' number plates, and the place of each in the texture `Material.PLATE`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

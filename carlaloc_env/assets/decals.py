@@ -1,7 +1,5 @@
 """Thin parts laid onto a body: lamps, grilles, seams, handles, cut out of the body's own surface."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

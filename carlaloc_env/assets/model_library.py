@@ -5,8 +5,6 @@ Every vehicle of the catalogue, made of its parts.
 The walkers of the catalogue, in every phase of their gait.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 

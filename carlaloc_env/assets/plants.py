@@ -7,8 +7,6 @@ Hedges, shrubs and tufts of grass.
 Small things of the countryside: plants of a field, bales, pasture fences.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

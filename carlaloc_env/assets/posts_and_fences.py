@@ -7,8 +7,6 @@ Building sites and their parts; foot at the origin, z up.
 Traffic lights on posts and mast arms.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 

@@ -3,8 +3,6 @@
 Faces of meshes: smooth normals, the volume inside, and points thrown onto them.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, replace
 

@@ -10,8 +10,6 @@ signs (RWBA 2000) and the catalogue of traffic signs (Zeichen 450).
 Billboards of the wayside, with a picture on both faces.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 

@@ -1,7 +1,5 @@
 """Street furniture; every piece stands with its foot at the origin, z up, its front along +x."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ An atlas layer is a square of `tile_m` metres cut into equal cells; cell 0 lies 
 (u = v = 0), cells count to the right, then upwards. v grows upwards on a wall.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 import numpy as np

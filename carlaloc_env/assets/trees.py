@@ -10,8 +10,6 @@ Kinds of trees: their sizes, branching and leaves.
 Palms: a bare trunk with arching fronds.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

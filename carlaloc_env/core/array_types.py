@@ -5,8 +5,6 @@ Names of numpy's array types, in one place: shapes and units stand where they ar
 Physical constants that several parts of the program use.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@ instead of NumPy's or a C library's, which choose code by the processor. + âˆ’ Ã
 differ. Single precision is computed in double and rounded.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 from collections.abc import Callable

@@ -6,8 +6,6 @@ the truth (`power` and the inverse functions within a few). Sources: Sun Microsy
 `k_cos.c`, `e_rem_pio2.c`, `e_exp.c`, `e_log.c`, `s_atan.c`.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 Names that become parts of file names, topics and frames.
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Iterable

@@ -5,8 +5,6 @@ WGS84: local east-north-up metres to latitude, longitude, height, and back.
 World points of maps that are drawn in a map projection, to the Earth and back (by PROJ).
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from dataclasses import dataclass

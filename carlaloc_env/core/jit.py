@@ -5,8 +5,6 @@ Compiled functions called without the look at their arguments' types with which 
 Where arguments are named tuples of many arrays, that look takes longer than a short kernel.
 """
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 The list stands in the package's stub, ``__init__.pyi``, where type checkers and editors read it as well.
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections.abc import Callable

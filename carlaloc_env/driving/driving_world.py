@@ -4,8 +4,6 @@ Physics runs one tick ahead of `now`, because the ego's spline needs the tick af
 for; traffic runs one step ahead, because actors are interpolated between steps.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import replace
 from typing import Protocol

@@ -5,8 +5,6 @@ Crossing traffic: vehicles about to come into the ego's path, in roundabouts, cr
 Driver's view at one tick: all that an input device may know of the world.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -9,8 +9,6 @@ The view from the driver's seat: what `render` shows.
 Samples to a Gymnasium observation: fixed shapes, the newest values, zeros for what is yet to come.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import is_dataclass, replace

@@ -3,8 +3,6 @@
 An environment that draws town, route, weather and traffic anew for every episode.
 """
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from numbers import Integral

@@ -7,8 +7,6 @@ Faults of time: samples that never come, one by one or in bursts, and stamps tha
 Faults of calibration: what is written of a sensor's place and lens, while its data stay as they are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields, replace
 from math import isinf
 from typing import Any

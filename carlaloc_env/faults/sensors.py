@@ -11,8 +11,6 @@ Faults of IMUs: saturation and steps of the bias; missing samples are faults of 
 Faults of wheel encoders: driven wheels that slip.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any

@@ -7,8 +7,6 @@ PyBullet, imported without the line that it prints; all modules of this package 
 What the ego's body touched.
 """
 
-from __future__ import annotations
-
 import ctypes
 import itertools
 import os

@@ -3,8 +3,6 @@
 The car as PyBullet knows it, one body: the forces of a tick on it, and what its pose and speeds mean.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import sqrt
 from typing import NamedTuple

@@ -5,8 +5,6 @@ A wheel needs no general ray test: its rays are upright, and what they meet is a
 Ground tables kept on disk: sorting a town's triangles takes a twentieth of making an environment.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ Wheels, car and drive as records that compiled functions read and write.
 From steering wheel and pedals to the wheels: steering, motor, regeneration, brakes, handbrake.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from math import sqrt

@@ -10,8 +10,6 @@ u [m] with relaxation, u' = v_slip − |v|·u/σ, is neither: at speed u/σ beco
 is a spring that holds the car on a slope (Pacejka, "Tyre and Vehicle Dynamics", chapter 7).
 """
 
-from __future__ import annotations
-
 from math import sqrt
 from typing import Any
 

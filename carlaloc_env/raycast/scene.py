@@ -6,8 +6,6 @@ actors that look like it, nothing is rebuilt between sweeps, and a passing car i
 rolling sensor sees it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Sequence

@@ -13,8 +13,6 @@ llvmpipe (Mesa 22) loads every word of a uniform eight times for eight pixels, w
 some 25 instructions; a flat varying is one broadcast. The vertex shader hands the values over.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections import defaultdict

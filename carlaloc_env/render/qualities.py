@@ -1,7 +1,5 @@
 """Names of render qualities; imports little, so that a wrong one is reported before anything is drawn."""
 
-from __future__ import annotations
-
 from carlaloc_env.core.errors import ConfigError, unknown_name
 
 QUALITIES = ("low", "medium", "high")

@@ -1,7 +1,5 @@
 """Shading: from a G-buffer and a weather to light and to the picture."""
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Callable
 

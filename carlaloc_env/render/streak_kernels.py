@@ -1,7 +1,5 @@
 """Streaks of rain on the pixels of a picture, compiled by numba."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -10,8 +10,6 @@ The sheet (Technical Documentation BVS CA-SF, "mvBlueFOX3-2016", assets.balluff.
 after EMVA 1288: global shutter, pixels of 3.45 µm, 12 bits, SNR_max 40.2 dB, dynamic range 71.4 dB.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -8,8 +8,6 @@ of isotropy in road surface modelling", J. Sound Vib. 57, 1978).
 Events in a road's surface that wheels feel: covers, repairs, and joints across lanes and at bridges.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What all samples have in common, and how they check themselves."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, fields
 from typing import Any

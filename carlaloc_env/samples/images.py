@@ -5,8 +5,6 @@ What cameras put out.
 What LiDAR and radar put out.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

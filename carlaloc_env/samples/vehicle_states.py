@@ -5,8 +5,6 @@ What inertial, satellite and wheel sensors put out.
 What is true of the car and of all others.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

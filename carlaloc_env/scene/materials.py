@@ -11,8 +11,6 @@ Source of both tables: CARLA ``Docs/ref_sensors.md`` and ``CityScapesPalette.h``
 The lenses of traffic lights.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from enum import IntEnum
 

@@ -3,8 +3,6 @@
 Configuration of cameras.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from heapq import merge

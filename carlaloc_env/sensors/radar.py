@@ -9,8 +9,6 @@ Configuration of radars.
 A radar's detector: fluctuating echoes against a threshold, errors by their strength, false alarms.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

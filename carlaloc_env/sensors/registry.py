@@ -1,7 +1,5 @@
 """All kinds of sensors by the name they have in YAML files; a new sensor is one line here."""
 
-from __future__ import annotations
-
 from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig

@@ -1,7 +1,5 @@
 """Sensor noise as pure functions of (seed, name, stamp)."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 

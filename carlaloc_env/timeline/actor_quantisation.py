@@ -3,8 +3,6 @@
 The steps lie far below every sensor's noise: 0.5 mm, 0.1 mrad (0.2 mm at a bumper), 4 mm/s.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import pi
 

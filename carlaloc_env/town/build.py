@@ -1,7 +1,5 @@
 """Building and caching towns."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from functools import cached_property, partial

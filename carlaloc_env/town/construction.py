@@ -9,8 +9,6 @@ Zones for maps that come without a `town.toml`, chosen from their roads.
 Default numbers of vehicles and walkers of a town.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections import Counter
 

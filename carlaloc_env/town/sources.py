@@ -1,7 +1,5 @@
 """Where maps lie and which one a name means; light, so that mistakes are reported early."""
 
-from __future__ import annotations
-
 import importlib.resources
 import os
 import re

@@ -10,8 +10,6 @@ not clear after all. Zones are given up one by one, as the vehicle's tail leaves
 Approach to a junction: lights and signs, where to stop, and requests to enter in their order.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

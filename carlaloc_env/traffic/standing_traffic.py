@@ -3,8 +3,6 @@
 Traffic tables of a town, kept on disk, and the stations at which vehicles may start.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Vehicles of the traffic, advanced together by steps of 50 ms."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

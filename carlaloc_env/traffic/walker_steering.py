@@ -7,8 +7,6 @@ Vehicle avoidance of walkers: they stop before vehicles and step aside from them
 Crossing decisions of walkers: whether to wait at the kerb, when to set out, which lanes to claim.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

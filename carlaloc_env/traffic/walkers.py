@@ -3,8 +3,6 @@
 Step of all walkers: along their paths, past each other, over the road when they may.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -3,8 +3,6 @@
 State of all actors in the arrays of a frame: one compiled pass in place of many small ones.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -7,8 +7,6 @@ Yielding inside a junction: stop before zones that are not clear, give up zones 
 Exit clearance: room behind a junction, so that no vehicle comes to a stand inside.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.core.jit import compiled

@@ -9,8 +9,6 @@ direction if two thirds of the pairs or more show it, beyond the spread of runs,
 spread. Finished steps are not repeated by the next start, so that it may be ended at any time.
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Draws how conditions compare, town by town: ratios of errors with the range that runs leave them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Draws curves of sweeps: a row for each town, a column for each quantity."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

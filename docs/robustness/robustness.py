@@ -7,8 +7,6 @@ EPISODES has the standard drives, WORK gets all that commands write. Every step 
 the next start. Lines between the markers of docs/robustness.md are written here, people write the rest.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import subprocess

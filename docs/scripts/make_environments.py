@@ -1,7 +1,5 @@
 """Write the tables of docs/environments.md from the code: `python docs/scripts/make_environments.py`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import fields
 from inspect import getsource

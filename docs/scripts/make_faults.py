@@ -1,7 +1,5 @@
 """Write table and picture of the page of faults from the code: ``python docs/scripts/make_faults.py``."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

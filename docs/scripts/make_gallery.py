@@ -6,8 +6,6 @@ Each shows the town from above with its lanes, route, spawn points and lights, a
 With `--weathers` it draws docs/gallery/weathers.jpg instead: every town in the paper's three weathers.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

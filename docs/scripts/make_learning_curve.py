@@ -4,8 +4,6 @@
 `learning.csv` holds the rides of all `rides_*.monitor.csv`, in the order of their ends.
 """
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

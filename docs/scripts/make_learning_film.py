@@ -3,8 +3,6 @@
 `python docs/scripts/make_learning_film.py`, with the extra `learn`.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

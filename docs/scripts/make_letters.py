@@ -4,8 +4,6 @@ Roboto is under the Apache licence 2.0, so that we may ship what we take of it: 
 letters, their curves as short lines. fontTools reads the files; it is needed here alone.
 """
 
-from __future__ import annotations
-
 import argparse
 import string
 from pathlib import Path

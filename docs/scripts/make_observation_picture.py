@@ -3,8 +3,6 @@
 `python docs/scripts/make_observation_picture.py`
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -3,8 +3,6 @@
 Without an episode it records one first, two minutes of the scripted driver in Town03.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from pathlib import Path

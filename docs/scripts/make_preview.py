@@ -5,8 +5,6 @@ semantics and events; the same street without traffic, and the LiDAR with and wi
 Without an episode it records one first, a minute and a half of the scripted driver in Town10.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from pathlib import Path

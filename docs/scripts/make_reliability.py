@@ -4,8 +4,6 @@ It takes some hours on two cores. Reports of tests that passed stay in `out/reli
 resumes after them; before a run after changes, remove that folder.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Write docs/sensors.md from the docstrings of sensors and samples: `python docs/scripts/make_sensors.py`."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import inspect

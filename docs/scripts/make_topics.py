@@ -1,7 +1,5 @@
 """Write docs/topics.md from the topic profiles: `python docs/scripts/make_topics.py`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace

@@ -4,8 +4,6 @@ The scripted driver drives in Town03, recorded and shown as any drive is. Of a d
 picture is taken at which the car is fast and most others are near.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile

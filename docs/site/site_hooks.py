@@ -1,7 +1,5 @@
 """Hooks of MkDocs: pages of the root, links to code, the reference, tutorials that run."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re

@@ -1,7 +1,5 @@
 """The agent of example 19: Stable-Baselines3's PPO with normalised inputs, and its file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

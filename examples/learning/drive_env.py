@@ -1,7 +1,5 @@
 """The environment in which examples 19 and 20 drive, as Stable-Baselines3 takes it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The picture from above as example 19 sees it with `--sees bev`, and a small network for it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Inputs of example 19's network: the car and its road as they are, and a summary of the others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import torch

@@ -1,7 +1,5 @@
 """Reaction times, which the pupil of examples 11 to 13 does not learn."""
 
-from __future__ import annotations
-
 from learning.town01_route import Ride
 
 REACTION = 12

@@ -1,7 +1,5 @@
 """Scores of agents and of the scripted driver: routes among traffic of seeds that no training uses."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Inputs of the pupil of examples 11 to 13 from the state vector."""
 
-from __future__ import annotations
-
 import torch
 
 from carlaloc_env.envs.task.state_vector import AHEAD, EGO, state_names

@@ -1,7 +1,5 @@
 """Town01's route among its traffic, driven or corrected by the scripted driver, for examples 11 to 13."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

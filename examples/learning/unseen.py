@@ -1,7 +1,5 @@
 """The score of examples 11 to 13: mean route completion over seeds of traffic that no training uses."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Costs for training, which teach an agent to start and to brake in time; noise alone does not."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from gymnasium import Wrapper

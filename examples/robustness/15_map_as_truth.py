@@ -1,7 +1,5 @@
 """Maps of 10 s of a drive, and ghosts: `python examples/robustness/15_map_as_truth.py town06.mcap 10`."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 python examples/robustness/16_places.py town10.mcap     prints recall at 1, 5 and 10 by day and in fog
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 python examples/robustness/17_honest_covariance.py drive.mcap scatter small_gicp 20
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

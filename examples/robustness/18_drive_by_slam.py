@@ -3,8 +3,6 @@
 python examples/robustness/18_drive_by_slam.py Town06 small_gicp
 """
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

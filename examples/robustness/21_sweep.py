@@ -3,8 +3,6 @@
 Ten seconds of a drive, four shares of lost points, three seeds; needs the extras `slam` and `report`.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Write a town's OpenDRIVE file: `python -m maps.authoring.build Town03` from the repository root."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import pathlib

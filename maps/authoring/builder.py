@@ -1,7 +1,5 @@
 """Building a plan: legs, junctions, lights and paint."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

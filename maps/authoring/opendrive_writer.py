@@ -1,7 +1,5 @@
 """OpenDRIVE 1.7 text of a finished map, with the same bytes on every run."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """A town as nodes and roads between them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from maps.authoring.elements.auxiliary_lanes import ExtraLane

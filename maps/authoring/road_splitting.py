@@ -1,7 +1,5 @@
 """Cutting a laid-out road at its gores into the roads of the map."""
 
-from __future__ import annotations
-
 from maps.authoring.elements.auxiliary_lanes import add_extra_lanes
 from maps.authoring.elements.cross_sections import road_sections
 from maps.authoring.elements.ids import OBJECT, ROAD, Numbers

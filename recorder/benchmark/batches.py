@@ -4,8 +4,6 @@ A batch has a process that makes the frames ahead, on cores of its own, and a la
 systems take turns frame by frame. A program that reads files gets a bag of its own, see `run_on_files`.
 """
 
-from __future__ import annotations
-
 import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -6,8 +6,6 @@ The paper's numbers are medians over its seven sequences (Tables II and IV, one 
 ours: of A-LOAM, FAST-LIO2 and ORB-SLAM3.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures of a report as SVG by matplotlib: trajectories over lanes, errors over time, boxes, run times."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 Recordings of rerun of a benchmark: each sequence with what all systems made of it.
 """
 
-from __future__ import annotations
-
 import base64
 from collections import defaultdict
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Plan of a benchmark: sequences of a folder or of drives, and a job for each system and repetition."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Sequence

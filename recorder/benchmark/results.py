@@ -5,8 +5,6 @@ Configuration of a benchmark.
 The score of a run: errors of its estimate, what it cost, and whether it counts as failed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Runs a benchmark over folders or drives: systems in processes of their own, results kept as they come."""
 
-from __future__ import annotations
-
 import shutil
 import threading
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Tables of runs in the paper's layout: Markdown, LaTeX, CSV and Parquet."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """The `carlaloc` command: sub-commands, one-line errors, exit codes, `--json`."""
 
-from __future__ import annotations
-
 import argparse
 import logging
 import os

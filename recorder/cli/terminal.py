@@ -9,8 +9,6 @@ A log file beside what a command shows.
 Results as JSON that every parser takes: no NaN, no objects of our own.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import math

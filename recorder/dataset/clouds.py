@@ -1,7 +1,5 @@
 """Point clouds of messages: `sensor_msgs/PointCloud2` with any fields, and Livox's `CustomMsg`."""
 
-from __future__ import annotations
-
 import re
 import struct
 from dataclasses import dataclass

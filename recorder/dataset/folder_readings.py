@@ -7,8 +7,6 @@ Readings of a sequence from a feed, which makes a drive's sensor data while a sy
 Images without movers: masks of labelled images, and painting over.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property

@@ -3,8 +3,6 @@
 A drive in progress, read by a system: sweeps and inertial samples as they come, without a folder.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 from functools import cached_property

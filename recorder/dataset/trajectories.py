@@ -3,8 +3,6 @@
 Trajectories in a tree of frames, as ROS's `/tf` has them.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import replace

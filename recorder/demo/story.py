@@ -3,8 +3,6 @@
 The demo's page: what it has made so far, for a phone and a wide screen.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from html import escape

@@ -1,7 +1,5 @@
 """Asks a person to turn and press, and writes the profile that results."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path

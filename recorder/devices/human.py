@@ -3,8 +3,6 @@
 From what hands and feet do to controls that a car could feel: limits, rates and filters at 200 Hz.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Sequence

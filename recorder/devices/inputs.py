@@ -5,8 +5,6 @@ The keyboard: arrows or WASD drive, other keys ask for things. Codes are SDL's, 
 Keys for a drive without a person at the wheel: pause, camera, help, end.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 From a raw axis of a wheel, pedal or stick to a value: data and one function.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import sys

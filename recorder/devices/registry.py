@@ -1,7 +1,5 @@
 """Input devices by name."""
 
-from __future__ import annotations
-
 import logging
 import os
 

@@ -5,8 +5,6 @@ Writes all that happens in a driving world to an episode.
 Violations of traffic rules by the ego: red lights, off the road, wrong way, too fast, off the route.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable

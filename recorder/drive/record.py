@@ -1,7 +1,5 @@
 """Record a drive: a device drives the ego through a living town, every tick is written to the episode."""
 
-from __future__ import annotations
-
 import math
 import platform
 from collections.abc import Callable, Mapping

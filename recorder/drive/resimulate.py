@@ -3,8 +3,6 @@
 The same drive among other traffic: the ego keeps its path, the others are simulated anew.
 """
 
-from __future__ import annotations
-
 import math
 import platform
 from collections.abc import Callable, Iterator

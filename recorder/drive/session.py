@@ -3,8 +3,6 @@
 Real time on a fixed tick: a slow machine slows the world down evenly and never skips a tick.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections import deque

@@ -1,7 +1,5 @@
 """Makes new episodes of recorded ones: cut, join, drop actors, other traffic; sources stay as they are."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path

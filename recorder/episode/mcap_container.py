@@ -5,8 +5,6 @@ that ends anywhere is read up to its last whole chunk. Record layouts come from 
 (`mcap.records`, format: https://mcap.dev/spec).
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import zlib

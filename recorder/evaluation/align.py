@@ -3,8 +3,6 @@
 The roll about a nearly straight path, which positions do not show.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import Enum
 

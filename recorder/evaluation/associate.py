@@ -3,8 +3,6 @@
 The time offset between two clocks, found by how the motion looks in both.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from enum import Enum

@@ -13,8 +13,6 @@ The unit of a file's stamps: by its name, else by their size and steps.
 Poses as matrices, as KITTI has them: the upper three rows of each, or all four, row by row in a line.
 """
 
-from __future__ import annotations
-
 import logging
 import re
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Files of trajectories as text: TUM, EuRoC's table, KITTI's matrices and tables with named columns."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Lets the scripted driver drive routes by estimated poses, and scores lane keeping beside the estimate."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence

@@ -3,8 +3,6 @@
 A figure of consistency: NEES over distance, true against stated deviation, and the scatter at the end.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

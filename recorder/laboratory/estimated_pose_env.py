@@ -5,8 +5,6 @@ The world as a driver with a map and an estimated pose believes it.
 The scripted driver as an agent: one action of 50 ms for a view, though its hands move every 5 ms.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -3,8 +3,6 @@
 Ghosts: points of a map that movers have left where nothing stands.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Scores the map that a system built on a drive against the town in which it was driven."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path

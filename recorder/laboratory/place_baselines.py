@@ -3,8 +3,6 @@
 How well a method finds places again: recall at N, and precision against recall.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """Pairs of frames that may show one place, with the exact overlap of both."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Places of two drives, or of one drive under two conditions: tables, and scores of methods."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

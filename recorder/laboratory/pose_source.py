@@ -1,7 +1,5 @@
 """Where a driver's pose comes from: the truth with a known error, or a SLAM system in the loop."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory

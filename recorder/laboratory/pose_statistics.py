@@ -9,8 +9,6 @@ Odometry drifts: an error at the end of a drive is mostly that of its first turn
 distance is measured beside it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce

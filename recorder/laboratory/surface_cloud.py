@@ -3,8 +3,6 @@
 Files of maps: meshes and labelled clouds that are written, clouds of any origin that are read.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

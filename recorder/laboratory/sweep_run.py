@@ -5,8 +5,6 @@ Files of a sweep: runs, curves and areas as CSV, a figure for each axis, and one
 Curves of a sweep: means with bands, shares of failures with bands, and the areas under them.
 """
 
-from __future__ import annotations
-
 import base64
 import math
 from collections.abc import Callable, Sequence

@@ -3,8 +3,6 @@
 Content of a frame: the field of a camera or LiDAR, and the share of one frame that another one sees.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias

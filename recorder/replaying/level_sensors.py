@@ -4,8 +4,6 @@ Rays are cast and G-buffers drawn once, and every weather is shaded from them. N
 look at the recorded Timeline.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial

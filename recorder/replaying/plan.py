@@ -1,7 +1,5 @@
 """Options and plan of a replay, checked before anything heavy is imported, built or written."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -4,8 +4,6 @@ The drive is cut into units that workers make in any order; sequences are assemb
 into a working folder and gets its final names when all is whole.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Check that the rest of a replay fits on the disk, by the size of its first unit.
 """
 
-from __future__ import annotations
-
 import logging
 import shutil
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Encoders and writers of a sequence, in every format, and the files that all sequences of a drive share."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable, Mapping

@@ -3,8 +3,6 @@
 Both are functions of a job that is plain data, on any machine that sees the episode and the working folder.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import threading

@@ -4,8 +4,6 @@ All three are executors of `concurrent.futures`, so that the same loop serves th
 replaced, and its job is done again.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -3,8 +3,6 @@
 What camera and LiDAR see at one instant of a drive, as pictures side by side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -9,8 +9,6 @@ Centre lines of a town's driving lanes, for maps.
 Towns by name: what each is, and how large.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path

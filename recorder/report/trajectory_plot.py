@@ -5,8 +5,6 @@ One picture of what conditions do to SLAM systems: errors over the map, and over
 A picture of a map from above, coloured by its error, with the ghosts of movers in red.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

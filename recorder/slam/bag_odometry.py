@@ -1,7 +1,5 @@
 """LiDAR odometry over the point clouds of a bag, which need not lie in a dataset."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -6,8 +6,6 @@ Schur's complement (Triggs et al. 2000, Bundle Adjustment – A Modern Synthesis
 The last keyframes of a stereo odometry and their landmarks, adjusted together.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ A SLAM system in a process of its own that takes a drive sweep by sweep and give
 The process of a system by which a car drives: ``python -m recorder.slam.live_system job.json``.
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 import os

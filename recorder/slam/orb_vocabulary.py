@@ -5,8 +5,6 @@ loops are closed; where they are not, as in the benchmark, words only serve to m
 The tree is that of Gálvez-López and Tardós (T-RO 2012): k-majority on bits, level by level.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Description of a SLAM system: all that is needed to run it and to score it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import time

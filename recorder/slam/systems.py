@@ -3,8 +3,6 @@
 Systems that are programs, described by a YAML file: a command, what it reads, and what its poses mean.
 """
 
-from __future__ import annotations
-
 import runpy
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 Nothing else imports a system's library, so that its licence, its crashes and its memory stay in here.
 """
 
-from __future__ import annotations
-
 import json
 import runpy
 import signal

@@ -5,8 +5,6 @@ compete for the lane's cores, and a frame's time is that of a single system. The
 connections to the systems; a system that has ended is left out from then on.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

@@ -4,8 +4,6 @@ Rays are cast once for all seeds of noise, and geometry is drawn once for all we
 bit by bit those of a dataset of the same drive.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias

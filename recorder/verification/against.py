@@ -4,8 +4,6 @@ All bytes are equal on processors of the same kind. On other kinds the software 
 values of pictures differently, and event cameras depend on pictures (docs/factory.md has measurements).
 """
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Calibration against data: LiDAR points in depth images, and the IMU integrated beside the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any

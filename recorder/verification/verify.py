@@ -3,8 +3,6 @@
 Checks of a sequence's streams: number of messages, their stamps, and equal stamps of a stereo pair.
 """
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ A town as a recording: its solid parts by class, lanes, route and traffic lights
 An episode as a recording: the car, all who take part, traffic lights, pedals and what happened.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A sequence as a recording: clouds, the map they make, images, the true path, estimates and their errors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

@@ -5,8 +5,6 @@ What the window draws: the present of a driving world, and what the driver has s
 The small map: streets and route round the car, the driving direction up.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from contextlib import AbstractContextManager

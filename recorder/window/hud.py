@@ -5,8 +5,6 @@ Text of the window: three sizes of pygame's own font, at the full resolution of 
 Status of a drive that a window shows beside the world itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -5,8 +5,6 @@ Where the driver looks from: the seat, behind the car, above it.
 Size of the live images: as large as the machine can draw in time, at most every pixel of the window.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import signal

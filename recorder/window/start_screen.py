@@ -3,8 +3,6 @@
 The window before the drive begins: open from the first second, it shows what is done and for how long.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable

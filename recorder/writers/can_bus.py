@@ -1,7 +1,5 @@
 """The ego's CAN bus: frames of `CanState` samples, and the DBC file that describes them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

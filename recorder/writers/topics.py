@@ -1,7 +1,5 @@
 """Topic profiles: the topic and the message of each stream."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

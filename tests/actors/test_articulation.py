@@ -1,7 +1,5 @@
 """What moves and shines on actors by their motion: pedals, reversing lamps, the ego's own lamps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Everything that moves at one instant, as models."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

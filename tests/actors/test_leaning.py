@@ -1,7 +1,5 @@
 """Vehicles stand on leaning roads with all four wheels: against the road's own surface."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

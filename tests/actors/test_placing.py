@@ -1,7 +1,5 @@
 """Where models stand, which ones and with what lamps, against an independent calculation."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

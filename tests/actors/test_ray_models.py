@@ -1,7 +1,5 @@
 """LiDAR rays against the depth picture: both must meet the same actors, steered, striding, near and far."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.plain_albedo import plain_albedo

@@ -1,7 +1,5 @@
 """Movable models kept on disk: all of them, the same as made anew, and made anew when the file is damaged."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

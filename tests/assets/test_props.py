@@ -1,7 +1,5 @@
 """Props, lights, signs and trees against sizes, textures and rays; shapes against formulas."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

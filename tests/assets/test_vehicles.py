@@ -1,7 +1,5 @@
 """Vehicles against their sizes, their axles and the rays that meet them; number plates."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.meshes import facing_away, model, signed_volume_m3

@@ -1,7 +1,5 @@
 """Walkers tread on the ground, and their feet do not slide."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.meshes import model

@@ -1,7 +1,5 @@
 """The map writer: curves against numerical integration, plans of odd shapes, same bytes."""
 
-from __future__ import annotations
-
 import math
 import pathlib
 import subprocess

@@ -1,7 +1,5 @@
 """What plans make motorways of: cut and parallel paths, ramps' profiles, extra lanes, exits and merges."""
 
-from __future__ import annotations
-
 import importlib
 import math
 import pathlib

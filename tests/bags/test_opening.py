@@ -1,7 +1,5 @@
 """What opens as a bag: every kind of file, folder and distribution, and one line for the rest."""
 
-from __future__ import annotations
-
 import gzip
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """A benchmark of real systems over a dataset in closed form: scores, failures, resumption, tables."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

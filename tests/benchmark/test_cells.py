@@ -1,7 +1,5 @@
 """Cells, the best of a row and ratios, by hand-made scores."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

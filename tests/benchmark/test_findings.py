@@ -1,7 +1,5 @@
 """Findings: ratios of the paper's own tables, what is said of ours, and the page they are put into."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import sys

@@ -1,7 +1,5 @@
 """The page of a benchmark: self-contained, with a figure for every sequence, numbers that can be checked."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The report in Chromium: a click on a peak of the error shows the frame of that time."""
 
-from __future__ import annotations
-
 import base64
 import re
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """The search finds a border that is known."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The `carlaloc` command as a user meets it: results, exit codes, one-line errors, JSON."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Output into a pipe whose reader is gone, as in ``carlaloc list weathers | head -1``: no word about it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

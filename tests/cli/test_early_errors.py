@@ -1,7 +1,5 @@
 """A replay's mistakes are told before anything that takes long is imported."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

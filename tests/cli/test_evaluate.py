@@ -1,7 +1,5 @@
 """`carlaloc evaluate` on files of others: the options, and the lines that name them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

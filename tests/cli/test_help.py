@@ -1,7 +1,5 @@
 """The names that options take stand in `--help` and in docs."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

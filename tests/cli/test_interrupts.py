@@ -1,7 +1,5 @@
 """An interrupt ends a command even where Python drops the exception on its way."""
 
-from __future__ import annotations
-
 import gc
 import signal
 import sys

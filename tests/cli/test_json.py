@@ -1,7 +1,5 @@
 """`--json` gives one JSON document on stdout, whatever happens; commands come from the parsers."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -1,7 +1,5 @@
 """`carlaloc list` and `carlaloc completion`."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """`carlaloc replay --noise-seeds`: as many replays that differ in the seed of sensor noise alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

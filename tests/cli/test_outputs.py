@@ -1,7 +1,5 @@
 """No option of any command writes over what is there; the options come from the parsers themselves."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Progress as people and log files see it."""
 
-from __future__ import annotations
-
 import fcntl
 import io
 import os

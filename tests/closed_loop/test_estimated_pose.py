@@ -1,7 +1,5 @@
 """Driving by an estimated pose: the truth changes nothing, an offset moves the car, a dead system ends it."""
 
-from __future__ import annotations
-
 import csv
 import runpy
 from collections.abc import Callable, Iterator

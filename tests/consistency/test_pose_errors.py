@@ -1,7 +1,5 @@
 """An odometry whose noise is known: its errors and covariances on SE(3), in files and by smfeval."""
 
-from __future__ import annotations
-
 import csv
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """small_gicp's covariance: what its Hessian means, and two seeds of noise on one drive."""
 
-from __future__ import annotations
-
 import json
 import runpy
 from pathlib import Path

@@ -1,7 +1,5 @@
 """NEES, coverage and factors of a Kalman filter whose consistency is known by theory."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import binomtest

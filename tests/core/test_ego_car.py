@@ -1,7 +1,5 @@
 """The ego's dimensions have one owner, and agree with what its physics and its mesh make of them."""
 
-from __future__ import annotations
-
 import pytest
 
 from carlaloc_env.core import ego

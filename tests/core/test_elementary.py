@@ -1,7 +1,5 @@
 """Elementary functions: near the truth, like NumPy's at the edges, and the same bits without wide vectors."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import os

@@ -1,7 +1,5 @@
 """Messages of errors: one printable line, of bounded length, whatever a file holds."""
 
-from __future__ import annotations
-
 import pickle
 
 from carlaloc_env.core.errors import LENGTH_MAX, ConfigError

@@ -3,8 +3,6 @@
 NumPy, BLAS and C libraries choose code by the processor; `core/elementary.py` has the same functions for all.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fields of point clouds by their own datatype, offset, count and byte order, and which topic is read."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

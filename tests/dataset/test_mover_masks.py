@@ -1,7 +1,5 @@
 """Images without movers: masks out of labelled images, paint that features do not hold on to."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Times of points in every convention: the time of the first point, those after it, and what is reported."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 

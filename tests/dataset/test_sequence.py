@@ -1,7 +1,5 @@
 """Sequences as SLAM systems read them, from a dataset in closed form."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trajectories in bags: every type of message, paths, trees of frames, and what is said of other bags."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

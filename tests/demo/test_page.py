@@ -1,7 +1,5 @@
 """The demo's page in Chromium, as it grows step by step."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import av

@@ -1,7 +1,5 @@
 """The demo's drive is one of this version's town, and its first picture shows what it says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """From raw axes to controls: the function, the laws and the shipped profiles."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

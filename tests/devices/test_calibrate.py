@@ -1,7 +1,5 @@
 """Calibration of a device as a person does it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

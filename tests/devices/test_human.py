@@ -1,7 +1,5 @@
 """Wheels and pedals as SDL delivers them: first values, plugs pulled and put back, buttons."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

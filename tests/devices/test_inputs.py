@@ -1,7 +1,5 @@
 """Events of joysticks: their ids, and no display needed."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Docs agree with the code: generated pages, tables, links, versions, units in docstrings."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.util
 import re

@@ -1,7 +1,5 @@
 """Checks of sentences, commit subjects and lines of code; help and public docstrings keep the rules, too."""
 
-from __future__ import annotations
-
 import importlib.util
 import inspect
 import re

@@ -1,7 +1,5 @@
 """A recording that is asked to end says where the drive is; what it says works."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import signal

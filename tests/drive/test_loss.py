@@ -1,7 +1,5 @@
 """What a recording loses: killed at any moment, and on a disk that fills up."""
 
-from __future__ import annotations
-
 import logging
 import os
 import random

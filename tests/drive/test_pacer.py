@@ -1,7 +1,5 @@
 """Real time on a fixed tick, on fast machines and on slow ones."""
 
-from __future__ import annotations
-
 import pytest
 
 from carlaloc_env.core.clock import TICK_S

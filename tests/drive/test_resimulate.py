@@ -1,7 +1,5 @@
 """Recorded controls driven again, tick by tick."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

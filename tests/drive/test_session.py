@@ -1,7 +1,5 @@
 """Drives from start to end: with keys and a window, and without getting anywhere."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time

@@ -1,7 +1,5 @@
 """Which violations are seen, when they begin, and how often they count."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain

@@ -1,7 +1,5 @@
 """Crossing traffic seen from a straight road: who is in the way, and who is not."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Actions of the kind `ackermann`: the car comes to the curvature and the speed that are asked for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.drives.straight_drives import MakeEnv

@@ -1,7 +1,5 @@
 """Arguments and actions as programs give them: kept as JSON, NumPy's numbers, a rounding beyond a bound."""
 
-from __future__ import annotations
-
 import json
 from inspect import signature
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The environment: Gymnasium's contract, the same bytes, rewards, and refusals in one line."""
 
-from __future__ import annotations
-
 import pickle
 import re
 import warnings

@@ -1,7 +1,5 @@
 """Gymnasium's own checks, warnings fatal: both classes of environments, every rig; every id in the soak."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What agents' programs put round an environment: wrappers, films, workers that die, interrupts."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

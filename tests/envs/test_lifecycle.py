@@ -1,7 +1,5 @@
 """From make to close: nothing is held afterwards, nothing is printed, and a closed environment says so."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import subprocess

@@ -1,7 +1,5 @@
 """What the environment tells about other road users joins to what its sensors see of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The referee: what is earned and what ends an episode, on roads where both are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.drives.straight_drives import MakeEnv

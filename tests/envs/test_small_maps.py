@@ -1,7 +1,5 @@
 """Maps with little to drive on: a short road, a ring, no lane at all; and how many others they take."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import asdict
 from pathlib import Path

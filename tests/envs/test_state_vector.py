@@ -1,7 +1,5 @@
 """The state vector and the bird's-eye view against geometry done another way."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Many environments side by side: every way of resetting, equal seeds, normalised rewards."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

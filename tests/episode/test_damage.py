@@ -1,7 +1,5 @@
 """Recordings that were killed, cut off or damaged are read up to where they are good, and never misread."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

@@ -1,7 +1,5 @@
 """New episodes from recorded ones: what is kept is kept bit for bit, and the rest is refused in words."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Episode files: bit-exact, and readable by other MCAP tools."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An episode read by the libraries with which Foxglove opens MCAP files."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A Ctrl-C at any line of the writer: the file holds every tick once, up to where it ends."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Layouts derived from message definitions, against the serialiser of rosbags."""
 
-from __future__ import annotations
-
 import random
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The town of an episode is known without building it, and must be the one that was driven in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

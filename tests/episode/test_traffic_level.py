@@ -1,7 +1,5 @@
 """Traffic levels as users write them."""
 
-from __future__ import annotations
-
 import pytest
 
 from carlaloc_env.core.errors import ConfigError

@@ -1,7 +1,5 @@
 """Writing an episode: names, gaps, exceptions, full disks."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os

@@ -1,7 +1,5 @@
 """Attitude errors: what a straight way leaves open, and how they are found all the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

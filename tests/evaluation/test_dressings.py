@@ -1,7 +1,5 @@
 """One estimate as the tables of many systems and data sets would hold it: the same scores each time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

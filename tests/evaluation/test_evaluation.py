@@ -1,7 +1,5 @@
 """Scores against closed forms and against evo."""
 
-from __future__ import annotations
-
 import copy
 from pathlib import Path
 from typing import Any

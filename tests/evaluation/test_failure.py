@@ -1,7 +1,5 @@
 """The rule that tells a failed estimate."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Long TUM files, which Arrow reads: every bit as in the reading line by line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a file does not say is taken as it is likeliest, with a word, or asked for in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The time offset of a clock, against offsets that were put in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

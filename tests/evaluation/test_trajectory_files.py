@@ -1,7 +1,5 @@
 """Files of trajectories, read as evo reads them."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

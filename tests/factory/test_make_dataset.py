@@ -1,7 +1,5 @@
 """The whole dataset in small: planned, refused, made, kept, verified, and made again from its manifest."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

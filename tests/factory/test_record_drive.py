@@ -1,7 +1,5 @@
 """Standard drives for a benchmark: each is recorded once, to the end of its route."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The standard drives of datasets come to their ends as docs/factory.md says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Every fault does to samples what its definition says, and nothing where it is neutral."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A replay with faults and its twin without: truth and every untouched stream have the same bytes."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

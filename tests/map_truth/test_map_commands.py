@@ -1,7 +1,5 @@
 """`carlaloc maps export` and `carlaloc evaluate --map` over a small town."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

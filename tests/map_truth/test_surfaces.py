@@ -1,7 +1,5 @@
 """Points on surfaces, visibility, ghosts and scores, against closed forms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

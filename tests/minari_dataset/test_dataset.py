@@ -1,7 +1,5 @@
 """Data sets of recorded drives hold what an environment shows, takes and pays for the same drive."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path

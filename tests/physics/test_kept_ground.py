@@ -1,7 +1,5 @@
 """Ground tables that come from the cache are those sorted anew, to the last bit, and read-only."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

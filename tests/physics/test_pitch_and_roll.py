@@ -1,7 +1,5 @@
 """Pitch and roll on a rough road against the linear model of a whole car with seven degrees of freedom."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The body on roads with profiles: against the quarter car, ISO 2631 and a road without one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import welch

@@ -1,7 +1,5 @@
 """Manoeuvres of the ego car against theory and against figures measured on real cars."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """The collision world: actors, walls, repeatability, bad input."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

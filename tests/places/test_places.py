@@ -1,7 +1,5 @@
 """Overlap of frames, recall and precision, against closed forms."""
 
-from __future__ import annotations
-
 from math import comb
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`carlaloc places` over twins of a short drive."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A dataset laid out for a hub: within its limits, accepted by mlcroissant, read by pandas and tar."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import tarfile

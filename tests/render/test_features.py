@@ -1,7 +1,5 @@
 """What weather does to the keypoints of a visual SLAM system, along the routes of towns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.readings.orb_features import CHOICES, Features, Found, found

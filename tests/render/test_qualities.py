@@ -1,7 +1,5 @@
 """All render qualities show the same light; only edges and noise differ."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The renderer as a whole: the same bytes, buffers of their own, clear errors, what is simpler from afar."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

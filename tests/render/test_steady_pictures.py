@@ -1,7 +1,5 @@
 """Pictures of one place: the same again, alone or among other weathers, and steady in a slow pan."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import cv2

@@ -1,7 +1,5 @@
 """What cameras must have seen before a stretch: how far it reaches back, and that it is told."""
 
-from __future__ import annotations
-
 import logging
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A drive replayed on a Dask cluster of which a worker is killed with a unit in hand: the same bytes."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

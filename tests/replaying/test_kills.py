@@ -1,7 +1,5 @@
 """Replays that are really killed: what they leave, and that the same command goes on to the same bytes."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

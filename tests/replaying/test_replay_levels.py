@@ -1,7 +1,5 @@
 """Traffic levels end to end: what sensors see of vehicles when a drive is replayed at each level."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Options that a replay sets for all cameras of a rig."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

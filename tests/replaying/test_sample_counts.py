@@ -1,7 +1,5 @@
 """Share of movers: counted over labelled samples, written with a sequence, shown by `carlaloc info`."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Units cover a stretch once, and no byte of a dataset depends on them, on workers or on their order."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Tasks in processes and on a cluster: all are done, errors told, the dead replaced, nobody left behind."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -1,7 +1,5 @@
 """Whose unfinished work it is: another configuration and a second run at once are refused in one line."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from dataclasses import replace

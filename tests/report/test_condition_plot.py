@@ -1,7 +1,5 @@
 """The picture of conditions has a row for each system."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """The list of towns, against the report of the map check."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The sheet about a town: what it marks lies where the camera's geometry says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.render_scenes import need_opengl

@@ -1,7 +1,5 @@
 """The trajectory picture shows what was measured."""
 
-from __future__ import annotations
-
 import builtins
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The cameras of the rig `real` give the figures of their data sheet, found as EMVA 1288 finds them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

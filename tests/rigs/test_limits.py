@@ -1,7 +1,5 @@
 """Sensors beyond all measure are refused by name, at once, and before memory is taken."""
 
-from __future__ import annotations
-
 import dataclasses
 import resource
 import time

@@ -1,7 +1,5 @@
 """Rectangles in the road as a tyre feels them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Rough surfaces against ISO 8608's spectrum and the coherence of isotropic surfaces."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Command lines drawn from the parsers themselves, so that a new option is hunted without being told."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

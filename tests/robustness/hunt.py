@@ -4,8 +4,6 @@ An input is read or refused by one line of ours. Nothing else is raised, nothing
 folders given, no answer takes longer than `DEADLINE_S`, and memory does not grow.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """Damaged inputs: bytes, texts and trees of plain data with a few edits, as hypothesis draws them."""
 
-from __future__ import annotations
-
 import copy
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """What reads untrusted input: for each kind a drawer of damaged inputs, and the reader."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

@@ -1,7 +1,5 @@
 """Damaged, hostile and foolish inputs by the thousand: read, or refused with one line, and nothing else."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from collections.abc import Callable, Iterator

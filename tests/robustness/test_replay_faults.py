@@ -1,7 +1,5 @@
 """Faults under a replay: killed at any moment, and a disk that fills up at any place."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

@@ -1,7 +1,5 @@
 """The two tables of semantic tags, against CARLA's documentation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Systems that are programs: a real one that copies the truth, and ones that fail."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

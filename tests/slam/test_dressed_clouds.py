@@ -1,7 +1,5 @@
 """The same drive in the dressings of other people's drivers and bags: the same poses at the same times."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Our sequences as evalio sees them, by its own classes."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The grid of points that evalio's pipelines get: every point in the cell of its beam and column."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

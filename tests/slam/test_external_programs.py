@@ -3,8 +3,6 @@
 What is missing is skipped with what would install it. A-LOAM is built from its sources for Debian's ROS 1.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """All that a run has started ends with it, orphans too: at its end, at its limit and by Ctrl-C."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal

@@ -1,7 +1,5 @@
 """Points of some labels are left out of clouds as a NumPy filter leaves them out."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The rule of lock-step by nodes in a time of their own: slow, lagging, stalling, silent ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """A vocabulary of ORB features: a tree that DBoW2 reads, in which features find words, and its weights."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

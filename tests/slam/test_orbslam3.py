@@ -1,7 +1,5 @@
 """ORB-SLAM3 behind a pipe: what it is fed with, what is said when it is missing, and a real run."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ The LiDAR has the beams of an HDL-32E, by which A-LOAM knows its rings. What is 
 that match points to points (KISS-ICP, KISS-SLAM, RKO-LIO) tell nothing here: rings on the floor hold them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.processes.external_programs import EXTERNAL, missing_program, missing_ros

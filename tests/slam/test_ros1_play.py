@@ -3,8 +3,6 @@
 The nodes know the truth and give it as their pose.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

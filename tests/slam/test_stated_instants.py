@@ -4,8 +4,6 @@ For GICP a drive through a closed room tells it. KISS-ICP tells it by the point 
 leaves alone.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Programs as SLAM systems by a YAML file: what it may say, and a run that copies the truth."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

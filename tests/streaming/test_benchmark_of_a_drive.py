@@ -1,7 +1,5 @@
 """A benchmark over a drive reads what a dataset of it would hold, whatever becomes of single systems."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Axes, intervals and areas against closed forms and tables."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A sweep over a real drive: its errors follow theory, and its neutral value is the benchmark."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

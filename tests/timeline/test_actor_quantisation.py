@@ -1,7 +1,5 @@
 """Actor states in fixed point: how far a state moves, and that rounding twice changes nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

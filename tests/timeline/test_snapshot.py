@@ -1,7 +1,5 @@
 """One instant of a drive holds what the timeline answers for that time."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

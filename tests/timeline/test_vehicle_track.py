@@ -1,7 +1,5 @@
 """Wheels and pedals over time: live, replayed and forgetting tracks agree to the last bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

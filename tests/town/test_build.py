@@ -1,7 +1,5 @@
 """Finding, building and caching of towns, on a map small enough to build in a second."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import fields
 from pathlib import Path

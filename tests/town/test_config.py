@@ -1,7 +1,5 @@
 """town.toml: what is read of it, and the one line that each mistake gives."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Zones of maps that come without a `town.toml`."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

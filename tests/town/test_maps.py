@@ -1,7 +1,5 @@
 """Our own towns against the rules of a drivable map, read here from the XML by independent formulas."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import pathlib

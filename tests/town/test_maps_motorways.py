@@ -1,7 +1,5 @@
 """Town04 and Town06: what each is known for, and exits drawn as the plain roads that they are."""
 
-from __future__ import annotations
-
 import pathlib
 
 import numpy as np

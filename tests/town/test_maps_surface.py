@@ -1,7 +1,5 @@
 """The roads of our towns as one surface: lanes that follow each other, and roads that cross in junctions."""
 
-from __future__ import annotations
-
 import collections
 import pathlib
 

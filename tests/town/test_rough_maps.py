@@ -1,7 +1,5 @@
 """What maps bring along that nobody drew by hand: kerbs across lanes, turns in which no car turns."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What stands in Town03, and that it stands where it should."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """Town01: the river town's bridges lie over its river."""
 
-from __future__ import annotations
-
 import pathlib
 import xml.etree.ElementTree as ElementTree
 

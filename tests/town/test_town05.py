@@ -1,7 +1,5 @@
 """Town05: a grid of streets below a raised ring road, as its plan says."""
 
-from __future__ import annotations
-
 import pathlib
 import xml.etree.ElementTree as ElementTree
 

@@ -1,7 +1,5 @@
 """Town07: the heights and the mix of junctions that make it arable land."""
 
-from __future__ import annotations
-
 import pathlib
 import xml.etree.ElementTree as ElementTree
 from collections import Counter

@@ -1,7 +1,5 @@
 """Town10: boulevards, a promenade and junctions of many kinds, as its plan says."""
 
-from __future__ import annotations
-
 import pathlib
 import xml.etree.ElementTree as ElementTree
 

@@ -1,7 +1,5 @@
 """The towns of the package are those that their hashes name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

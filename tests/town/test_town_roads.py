@@ -1,7 +1,5 @@
 """Roads that come from the cache are those that are made anew of the map, to the last bit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

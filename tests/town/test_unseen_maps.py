@@ -1,7 +1,5 @@
 """Maps that nobody drew for this: SUMO's netgenerate makes them, netconvert writes them as OpenDRIVE."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Towns without parked cars: nothing movable is left to be seen or hit, and all else is as it was."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.small_towns import Built

@@ -1,7 +1,5 @@
 """Green waves: lights along a town's route let a car pass that sets out with the drive."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Left-hand traffic: a mirrored village is driven as the village in a mirror, and a ring on its left."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Roads that lead out of the map: who leaves comes in elsewhere, and is nowhere in between."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

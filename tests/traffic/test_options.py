@@ -1,7 +1,5 @@
 """Each option of the traffic acts as its name says; wrong ones are refused."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Roads that lie on each other without a junction: where that is, and that vehicles take turns there."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

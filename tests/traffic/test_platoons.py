@@ -1,7 +1,5 @@
 """Platoons: on motorways traffic comes in groups with empty road between, in town it does not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.towns import town_network

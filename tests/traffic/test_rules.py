@@ -1,7 +1,5 @@
 """Traffic: car following in equilibrium, speed tables, signals as formulas, seeds, a standing ego."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The ego is among others: it meets, follows and is passed, and gets on all the same, without a fault."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks.traffic_near_ego import SEEDS, TOWNS, NearTraffic, drive

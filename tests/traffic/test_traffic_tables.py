@@ -1,7 +1,5 @@
 """Traffic tables that come from the cache are those worked out anew, to the last bit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

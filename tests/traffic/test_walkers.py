@@ -1,7 +1,5 @@
 """Walkers: on sidewalks and crosswalks, at red lights and before an ego that does not stop."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

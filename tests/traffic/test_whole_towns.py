@@ -3,8 +3,6 @@
 Mean speed is the mean over vehicles and seconds of a vehicle's speed over the limit of its lane.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from pathlib import Path

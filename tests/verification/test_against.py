@@ -1,7 +1,5 @@
 """Two makings of one dataset: pictures and events may differ within their bounds, nothing else may."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Bags of every kind and DSEC's event files of two makings: what may differ passes, all else is named."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Rigs and episodes of strangers: nothing outside `--out` is written, no map is opened by their word."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Datasets that are damaged, one kind of damage at a time: each is found and named."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Calibration against data in bags of other topics: compressed depth and clouds, and the paper's names."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

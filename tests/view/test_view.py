@@ -1,7 +1,5 @@
 """Recordings of rerun, read back by rerun: times, frames, points and errors are those of the data."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections import defaultdict

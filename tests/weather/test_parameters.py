@@ -1,7 +1,5 @@
 """Weather parameters: CARLA's values, ranges, and the physics derived from them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Weather that changes during a drive: what holds when, files, and pictures that follow."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The benchmark runner: every row is measured and written, and the ratios are of the right order."""
 
-from __future__ import annotations
-
 import json
 import math
 import runpy

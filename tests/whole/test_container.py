@@ -1,7 +1,5 @@
 """The container's recipe, against `.ci/system-libraries`; the image runs where one can be built."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

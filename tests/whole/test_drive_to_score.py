@@ -1,7 +1,5 @@
 """From a drive to a score: what a replay writes, that twins are twins, and that KISS-ICP can be judged."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Every example runs, and what it shows is true."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """No folder of the repository holds more than a person can take in at once."""
 
-from __future__ import annotations
-
 import subprocess
 from collections import Counter
 from pathlib import Path, PurePosixPath

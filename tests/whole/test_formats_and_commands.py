@@ -1,7 +1,5 @@
 """Every format before every command that reads datasets: it works, or one line says what to do."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """README's journey: each command works on what the one before has written; the towns are small ones."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Samples of a replay are those of the live drive, byte for byte."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Information of point-to-plane constraints against closed forms, and of scans along routes."""
 
-from __future__ import annotations
-
 import functools
 from importlib.util import find_spec
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One lap of Town03 by the scripted driver among traffic, judged as a drive of a person would be."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

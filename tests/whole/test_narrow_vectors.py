@@ -1,7 +1,5 @@
 """A replay without wide vectors and fused multiply-adds gives the bytes of one with them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

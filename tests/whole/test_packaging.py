@@ -1,7 +1,5 @@
 """The wheel holds all that the package needs, and works without the checkout."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The page of public names, what the packages lend, and what importing them costs."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """What README and docs tell people to type is right, and README's commands really run."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The seven drives of the paper's Table III by the scripted driver, among all the traffic of each town."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

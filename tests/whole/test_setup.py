@@ -1,7 +1,5 @@
 """`make setup` finds a Python that PyBullet comes for, and where none is, one line says what to do."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The site: every page fits a desk's screen and a phone's, without an error, and the search finds pages."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

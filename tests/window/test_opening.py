@@ -1,7 +1,5 @@
 """From the command to the first image: refused at once where nobody would see, else shown from the start."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

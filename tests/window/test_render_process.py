@@ -1,7 +1,5 @@
 """The process that draws the window: the same pictures, and no process left behind."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

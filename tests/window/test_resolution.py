@@ -1,7 +1,5 @@
 """Live pictures are as large as the machine can draw in time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

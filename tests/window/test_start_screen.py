@@ -1,7 +1,5 @@
 """The start screen: a drive chosen by keyboard and by pad, and scripts that never see it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The window as a person uses it: a display of its own, keys from outside, pictures looked at."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

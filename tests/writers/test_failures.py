@@ -1,7 +1,5 @@
 """A disk that takes no more, a folder that cannot be: one named error, nothing left behind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

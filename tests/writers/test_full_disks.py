@@ -1,7 +1,5 @@
 """Every format on disks of many sizes: a whole file, or one named error and nothing left."""
 
-from __future__ import annotations
-
 import gc
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Car bodies lofted through cross-sections: bonnet, greenhouse, wheel arches, nose and tail."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

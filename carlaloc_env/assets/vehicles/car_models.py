@@ -3,8 +3,6 @@
 The properties in which car models differ.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from carlaloc_env.assets.vehicles.body import BodyShape, Points

@@ -3,8 +3,6 @@
 The ego's own body: a dark grey electric saloon in the `base_link` frame.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motorcycle and bicycle, each with its rider."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -7,8 +7,6 @@ City bus.
 Posters on the flanks of trucks and buses.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.assets.decals import Decals

@@ -5,8 +5,6 @@ Wheels: a tyre and a rim about an axle, and how they are hung on a vehicle.
 A vehicle in parts: body, wheels, plates and lamps; turning and differing parts are drawn separately.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The making of walkers: a skin of rings round a skeleton in the posture of rest, and its clothes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

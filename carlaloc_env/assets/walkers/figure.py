@@ -7,8 +7,6 @@ Heads: a face, ears, hair, hats and helmets.
 Skirts, bags and walking sticks of walkers.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

@@ -11,8 +11,6 @@ Bones of a figure: frames on its joints, and a skin that follows them.
 Pedalling: cranks, pedals and the legs that push them, at any angle of the cranks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -8,8 +8,6 @@ Arrays that processes share: views of a file of the cache, whose pages are in me
 What a process has freed, given back to the system.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import json

@@ -9,8 +9,6 @@ Text files that users give: read as UTF-8, or refused in one line.
 The line of a log that says why a program has ended.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import json

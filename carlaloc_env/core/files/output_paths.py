@@ -14,8 +14,6 @@ again, and spools of units (`recorder.replaying`) are trusted by later runs: bot
 Locks on files that the kernel lets go of however the process ends.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import shutil

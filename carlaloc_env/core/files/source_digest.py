@@ -4,8 +4,6 @@ What is kept on disk (towns, models, textures, machine code) is named after such
 made anew when any source that went into it changes, and nobody keeps a list of these sources by hand.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import importlib

@@ -3,8 +3,6 @@
 Actions of the kind `ackermann`: a curvature and a speed, which wheel and pedals then follow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import atan

@@ -1,7 +1,5 @@
 """The state vector: the car, the road and the others as one vector of numbers between −1 and 1."""
 
-from __future__ import annotations
-
 from math import sqrt
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 Other road users as the car meets them: the nearest ones in its axes, and the first in its path.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import numpy as np

@@ -10,8 +10,6 @@ In a street most triangles of a chunk lie outside the picture or behind a house;
 costs as much as one that is seen.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Poses, colours and ids of movable models on the graphics side.
 """
 
-from __future__ import annotations
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray

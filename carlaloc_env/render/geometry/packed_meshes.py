@@ -5,8 +5,6 @@ Vertices that are equal in every attribute, made one: levels of detail share wha
 Material properties as the shaders want them, and the texture array.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 
 import moderngl

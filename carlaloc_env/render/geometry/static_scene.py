@@ -1,7 +1,5 @@
 """The static scene on the graphics side: clusters of triangles by material and by level of detail."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ few dozen: backs of closed bodies, triangles between the centres of pixels and t
 been drawn are left out. The picture is the same without them.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

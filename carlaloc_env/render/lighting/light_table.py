@@ -3,8 +3,6 @@
 The pattern of a low beam for right-hand traffic: bells over angles, which shaders get as defines.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

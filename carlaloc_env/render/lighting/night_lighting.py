@@ -8,8 +8,6 @@ Tiles with the nearest and farthest depth in them are tested against each light'
 Olsson and Assarsson 2011), then against what the light gives to samples of what the tile shows.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

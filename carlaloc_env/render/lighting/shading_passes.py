@@ -7,8 +7,6 @@ Reflections of the scene in wet level ground, at a third of the picture's column
 Grains of the ground smear them, so that they need not be as fine as the picture.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

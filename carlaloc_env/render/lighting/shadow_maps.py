@@ -1,7 +1,5 @@
 """Shadows of the sun: a cached map of the static scene round the camera, and one of the actors."""
 
-from __future__ import annotations
-
 import math
 from collections import OrderedDict
 from dataclasses import dataclass

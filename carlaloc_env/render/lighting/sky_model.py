@@ -4,8 +4,6 @@ Luminances are linear BT.709 colours in cd/m², illuminances in lx. The clear sk
 Preetham, Shirley and Smits (1999) in Perez' form, the overcast one the CIE's.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass

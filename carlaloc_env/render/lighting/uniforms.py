@@ -8,8 +8,6 @@ The static scene is drawn once from straight above. The blurred height of the hi
 height of a point, measures how much of the sky walls, bridges and trees hide from it.
 """
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """All texture layers, built once per version of this code and cached."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

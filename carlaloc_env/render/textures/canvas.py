@@ -5,8 +5,6 @@ Letters of signs: outlines of Roboto (© 2015 Google, Apache licence 2.0, LICENS
 `docs/scripts/make_letters.py` makes letters.npz from Roboto's files.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path

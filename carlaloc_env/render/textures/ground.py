@@ -10,8 +10,6 @@ A texture repeats after its tile; the shader gives each block of a front a tone 
 the texture's panels or boards in each place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Periodic noise on a square of pixels: spectral, cellular and streaked; everything wraps."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

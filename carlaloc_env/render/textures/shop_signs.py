@@ -5,8 +5,6 @@ Atlases of shop names and of billboards.
 Atlas of number plates.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

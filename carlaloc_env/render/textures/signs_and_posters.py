@@ -1,7 +1,5 @@
 """Atlases of traffic signs and of posters."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.assets.texture_atlas import STREET_NAMES, PosterCell, SignCell

@@ -7,8 +7,6 @@ Textures of walls and roofs that are clad: boards, metal sheets, field stones, s
 Textures of things: wood, metal, cloth, leaves, rubber, and near-white bases that a tint colours.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

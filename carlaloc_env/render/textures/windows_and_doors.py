@@ -1,7 +1,5 @@
 """Atlases of windows, shop fronts and doors."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.assets.texture_atlas import DoorCell, ShopBCell, ShopCell, WideWindowCell, WindowCell

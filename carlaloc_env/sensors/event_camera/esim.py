@@ -12,8 +12,6 @@ A leak current lets the signal rise evenly, by C of positive events in each 1 / 
 come beside. After an event a pixel is dead for the refractory time: what it fires then is lost.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

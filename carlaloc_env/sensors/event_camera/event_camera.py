@@ -11,8 +11,6 @@ streak is there for one picture alone and has no place in the next, so it would 
 Settings of an event camera.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 

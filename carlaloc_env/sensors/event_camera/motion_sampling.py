@@ -6,8 +6,6 @@ one. In smooth tiles these places lie between those of the corners; near edges o
 searched for.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ to search where its four corners lie, at the ends of chunks of samples.
 The lowest and highest value of a picture in each of its tiles: limits of what a pixel can meet there.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -7,8 +7,6 @@ last one the sensor continues from there; for any other it first goes over the d
 beginning. So the state at a stamp depends on the drive alone, not on what was asked before.
 """
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass

@@ -14,8 +14,6 @@ When an imager's pixels gather light.
 Kernels: where a pixel comes from between two pictures.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

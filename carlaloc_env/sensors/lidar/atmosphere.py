@@ -7,8 +7,6 @@ longest range. Extinction is the camera's (`weather.extinction_per_m`).
 Road spray: what wheels throw up from a wet road, as LiDAR rays meet it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

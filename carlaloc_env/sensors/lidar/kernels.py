@@ -1,7 +1,5 @@
 """Compiled functions per LiDAR ray, around the casting itself: aiming, strength, points."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ A hit is in the sensor's frame at the time of its own ray, as with a real sensor
 semantic cloud come from the same rays and carry the same noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any

@@ -1,7 +1,5 @@
 """Where buildings stand: rectangles along the outer edges of sidewalks that touch nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 A building over a street: wings on both sides, storeys above, and a lit passage between them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

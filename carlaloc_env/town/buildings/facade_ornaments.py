@@ -1,7 +1,5 @@
 """Parts that stand out of facades: shutters, oriels, timber, quoins, fire stairs, porches and more."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Facades: one wall of a building split into storeys, bays, windows, doors and shop fronts."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.core.array_types import Array

@@ -7,8 +7,6 @@ A filling station: canopy, pumps, shop and price sign.
 Things that stand on squares: an obelisk and a fountain.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

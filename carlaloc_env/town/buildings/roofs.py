@@ -1,7 +1,5 @@
 """Roofs of buildings: flat with parapet and plant, gable, hip, mansard, sawtooth."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The surroundings of a town: plain far buildings and trees between its edge and the horizon."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 

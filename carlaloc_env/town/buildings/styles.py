@@ -3,8 +3,6 @@
 Materials and tints from which buildings choose.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from carlaloc_env.scene.materials import Material

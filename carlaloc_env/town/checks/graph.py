@@ -3,8 +3,6 @@
 Checks of traffic lights, signs and their groups.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """The report on a map: its contents and its faults."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

@@ -3,8 +3,6 @@
 One fault of a map, as all checks give it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 

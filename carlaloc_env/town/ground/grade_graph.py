@@ -1,7 +1,5 @@
 """All roads of a map as one graph of samples, so that a level can be followed over roads and junctions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

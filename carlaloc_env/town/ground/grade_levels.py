@@ -5,8 +5,6 @@ Outer edges of all roads outside junctions: along which rails, poles and parked 
 Stretches of road that lie in a cut between walls, or below a roof.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum

@@ -1,7 +1,5 @@
 """Which roads leave the ground, found from where they cross far above each other and from the waters."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ Sidewalks and medians that the lanes of another road run across lie flush with t
 Generated maps let roads run into each other, and kerbs must not stand in their lanes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Heights of the ground at any point: near road edges, inside junctions, and far from roads."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Roads as strips of lanes: lane edges in the world at stations as dense as their bends need."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 

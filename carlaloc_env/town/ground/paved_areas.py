@@ -1,7 +1,5 @@
 """Plan-view areas of a town: carriageways, sidewalks, junctions."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

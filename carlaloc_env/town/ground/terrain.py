@@ -3,8 +3,6 @@
 The land between the roads as a raster: what is taken, how far off it is, and which zone holds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

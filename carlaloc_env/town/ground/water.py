@@ -1,7 +1,5 @@
 """Bodies of water: how high they stand, their surface, banks and quays."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

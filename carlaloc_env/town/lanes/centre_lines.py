@@ -1,7 +1,5 @@
 """Lanes sampled every half metre along their own centre lines, in travel direction."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

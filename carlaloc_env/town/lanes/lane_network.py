@@ -3,8 +3,6 @@
 Nearest lane of any point.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property

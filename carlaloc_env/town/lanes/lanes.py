@@ -5,8 +5,6 @@ Lanes, and what stands along them: traffic lights, signs, crosswalks.
 Lanes of a map: which follow each other, which lie beside each other, and how fast one drives there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple

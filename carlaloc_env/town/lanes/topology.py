@@ -1,7 +1,5 @@
 """Which lane follows which, from lane links, road links and junction connections."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Literal
 

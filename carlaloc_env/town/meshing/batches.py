@@ -9,8 +9,6 @@ Baking many copies of a prop into the scenery.
 Instance ids of what stands in a town: one counter, so that no two things share one.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ Texture coordinates of materials whose texture is a sheet of different pictures.
 Cutting the scenery into squares, so that far parts can be left out of a picture.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -3,8 +3,6 @@
 The mesh that wheels and bodies touch: the ground as it is, everything else as coarse boxes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The fall of carriageways to their sides, where a map says nothing about it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

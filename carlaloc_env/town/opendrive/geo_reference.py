@@ -5,8 +5,6 @@ writes offsets with the opposite sign, and some maps hold theirs in their coordi
 has an offset, that reading is taken which puts the map where its projection is meant to be used.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

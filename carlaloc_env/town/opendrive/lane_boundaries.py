@@ -3,8 +3,6 @@
 Many cubic profiles in one table, evaluated for arrays of (owner, s) at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -7,8 +7,6 @@ Reads plan view, elevation and lateral profile of a road.
 Reads signals, signal references and objects of a road.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

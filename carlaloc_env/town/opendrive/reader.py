@@ -5,8 +5,6 @@ Notes on records that stand out of order or begin too late; such files are read 
 Moves maps whose coordinates are large, such as absolute UTM metres, near the world's origin.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Lengths are metres, angles radians, speeds m/s. ``line`` is the line of the element in its file.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, get_args
 

@@ -1,7 +1,5 @@
 """Reference lines of all roads: position, heading and curvature for arrays of (road, s)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Road coordinates (road, s, t, h) to world points and tangents, for arrays of points at once."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ Junctions: one surface for all connecting roads, and the sidewalks round their c
 The surface of plain roads: exact lane strips with wheel tracks, ends and skirts.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 

@@ -5,8 +5,6 @@ Covers, repairs and sealed cracks on the surface of junctions.
 Lids and mended places in sidewalks, as rare as on real ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

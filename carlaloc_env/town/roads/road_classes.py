@@ -9,8 +9,6 @@ Where roads are felt as well as seen: covers, repairs, seams and joints of bridg
 The look of repairs of roads and of covers in them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

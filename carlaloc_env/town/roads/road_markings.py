@@ -1,7 +1,5 @@
 """Painted lines: road marks as thin geometry just above the road."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Repairs, sealed cracks, seams, tyre marks, manhole covers and drains, as rare as on real roads."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sidewalks and medians beside plain roads: kerb faces, kerb stones, slabs, grass, ends and outer edges."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

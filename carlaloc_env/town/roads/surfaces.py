@@ -5,8 +5,6 @@ Painted areas: crosswalks, stop lines, turn arrows and other outlines of the map
 Hatching on the paved wedge between two carriageways that part or join side by side.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from itertools import combinations

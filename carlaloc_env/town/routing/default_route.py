@@ -1,7 +1,5 @@
 """The default route of a town: along lanes, by the roads least driven so far."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

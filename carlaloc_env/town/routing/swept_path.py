@@ -3,8 +3,6 @@
 How far inside of a bend drivers go, for the nose of a car swings out.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ out before the turn, use the room of the junction, and come back to the middle b
 lines, cubic curves between two places aside of the lane's middle, the one is taken that suits the car best.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Car parks: a surface with bays on both sides of an aisle, cars in most of them, a fence and a sign."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

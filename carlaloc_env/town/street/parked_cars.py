@@ -1,7 +1,5 @@
 """Cars that stand still: in parking lanes, on verges, in drives beside houses and in car parks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

@@ -3,8 +3,6 @@
 Things beside roads rather than on sidewalks: rails, masts, wires, parked cars, car parks.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

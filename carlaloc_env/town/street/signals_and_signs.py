@@ -1,7 +1,5 @@
 """Traffic lights and signs of the map, standing where it says and facing whom it says."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.assets.posts_and_fences import traffic_light

@@ -3,8 +3,6 @@
 Single things that `town.toml` asks for, each at its place: monuments, filling stations, farms and more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ Piers below decks, on columns that keep clear of what passes under them.
 Edges of raised roads: parapets, railings over water, and the faces of decks and walls below them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

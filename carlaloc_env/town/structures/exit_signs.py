@@ -5,8 +5,6 @@ at 300, 200 and 100 m, and a board in the gore. What would come before the prece
 raised roads they stand on the parapet.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import partial

@@ -5,8 +5,6 @@ Footbridges over wide roads: a deck between two stairs, with piers where the roa
 Features that belong to roads and shores: sign gantries and piers.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 

@@ -7,8 +7,6 @@ Reflecting posts along country roads and motorways.
 Wire fences along motorways and fast country roads, which keep animals off them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

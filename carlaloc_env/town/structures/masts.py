@@ -5,8 +5,6 @@ Wooden poles along country roads and quiet streets, with wires that hang between
 Lamp posts of roads without sidewalks: masts on medians, beside fast roads and on parapets.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -3,8 +3,6 @@
 Fittings of underpasses: cladding, cable trays, lamps, downpipes, emergency stations.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

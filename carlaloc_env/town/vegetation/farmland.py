@@ -1,7 +1,5 @@
 """Fields: rural land cut into plots with standing crops, ploughed earth, meadows and orchards."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -3,8 +3,6 @@
 Everything that lies or grows between roads and buildings, by zone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Sequence
 from functools import partial
 

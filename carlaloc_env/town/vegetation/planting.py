@@ -3,8 +3,6 @@
 Waterfronts: a balustrade along the water's edge, palms and planters behind it.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The verges of motorways: noise barriers, grass banks with bushes, rows of trees, and open stretches."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

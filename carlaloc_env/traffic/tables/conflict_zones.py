@@ -1,7 +1,5 @@
 """Conflict zones of junctions: where two lanes meet, and which of them ranks first."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple

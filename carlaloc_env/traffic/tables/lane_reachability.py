@@ -9,8 +9,6 @@ Demand for lanes: a town's route follows its main streets, and main streets carr
 Walker network as record arrays that compiled functions read.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple

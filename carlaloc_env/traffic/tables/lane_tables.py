@@ -5,8 +5,6 @@ Speed profile: the speed that roads allow at every sample of the lane tables.
 Crosswalks by the lanes that they cross.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

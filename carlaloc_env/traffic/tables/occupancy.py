@@ -3,8 +3,6 @@
 Lane geometry for compiled functions: points, widths, speeds and neighbouring stations of lanes.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 Uniform draws for compiled functions: a hash of what is decided, the same on every machine.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence, Sized
 from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 

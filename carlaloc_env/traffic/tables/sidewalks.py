@@ -1,7 +1,5 @@
 """Walker network of a town: sidewalks, and crosswalks from one sidewalk to another."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

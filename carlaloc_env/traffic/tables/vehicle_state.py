@@ -9,8 +9,6 @@ State of walkers, and vehicles as walkers see them.
 Requests of vehicles to enter junctions, and junction lanes that are held by those admitted.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -14,8 +14,6 @@ Transportation Research Record 1999 (2007).
 Neighbours of a vehicle: its leader along the plan, and those ahead and behind on a lane beside.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.core.jit import compiled

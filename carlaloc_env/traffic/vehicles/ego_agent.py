@@ -1,7 +1,5 @@
 """The ego as other road users see it, and the lanes it stands on and heads for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ MOBIL: Kesting, Treiber & Helbing, "General lane-changing model MOBIL for car-fo
 Transportation Research Record 1999 (2007).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

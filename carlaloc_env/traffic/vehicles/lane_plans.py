@@ -6,8 +6,6 @@ Towns are closed: their traffic goes round for ever. Of a map whose roads mostly
 single crossing or a piece of motorway, only what may leave can drive there at all.
 """
 
-from __future__ import annotations
-
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.conflict_zones import TURN_RAD

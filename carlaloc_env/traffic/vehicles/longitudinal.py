@@ -3,8 +3,6 @@
 Yielding of drivers to walkers on crosswalks.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

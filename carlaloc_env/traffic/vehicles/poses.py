@@ -5,8 +5,6 @@ Lights of vehicles: brake lights, indicators, low beam.
 Lateral motion of vehicles: from lane to lane, and where in its lane a vehicle drives.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lanes that exist on a part of a road only: auxiliary lanes, third lanes, parking bays."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Cross-sections: templates of roads, and the lane sections they need near junctions."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, field, replace
 from typing import Any

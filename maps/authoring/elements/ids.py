@@ -1,7 +1,5 @@
 """Identifiers of a map: disjoint ranges per kind, never 0."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 ROAD, JUNCTION, SIGNAL, CONTROLLER, OBJECT = "road", "junction", "signal", "controller", "object"

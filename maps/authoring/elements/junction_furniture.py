@@ -1,7 +1,5 @@
 """What stands and is painted at the legs of a junction: lights, signs, stop lines, crosswalks, arrows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Junctions of any number of legs: movements, connecting roads and the sidewalks of their corners."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

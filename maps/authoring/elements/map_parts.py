@@ -1,7 +1,5 @@
 """The parts of a finished map, ready to be written."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -10,8 +10,6 @@ gore as their node; they start or end with the road's height and grade. On a two
 the traffic against s. `at_m` counts along the road's axis from its node a to the middle of the junction.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Roundabouts: a ring of arcs and one junction per arm, all traffic anticlockwise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

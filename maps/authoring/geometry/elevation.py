@@ -1,7 +1,5 @@
 """Elevation along a road: straight grades joined by parabolic vertical curves."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

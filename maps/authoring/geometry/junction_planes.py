@@ -1,7 +1,5 @@
 """Junctions on a slope: one plane for all their roads, which lean into it and out of it again."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

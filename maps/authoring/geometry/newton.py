@@ -1,7 +1,5 @@
 """The few unknowns of a curve, found from what it misses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What can be done with a finished path: cutting, shifting aside, running backwards, turning round."""
 
-from __future__ import annotations
-
 import math
 
 from maps.authoring.geometry.newton import PlanError

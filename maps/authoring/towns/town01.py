@@ -9,8 +9,6 @@
 The drive: Market St westwards, right over the Old Bridge, left into Mill St, right into the ring.
 """
 
-from __future__ import annotations
-
 from maps.authoring.elements.cross_sections import CrossSection
 from maps.authoring.plan import TownPlan
 

@@ -9,8 +9,6 @@
 The drive's loop: R → E → hill → H → N → J → R, always in the left lane.
 """
 
-from __future__ import annotations
-
 from maps.authoring.elements.cross_sections import CrossSection
 from maps.authoring.elements.roundabouts import RoundaboutShape
 from maps.authoring.geometry.elevation import Climb, Dip

@@ -13,8 +13,6 @@ turned by half a circle. On the line from north-west to south-east both pass ove
 The drive is one circuit of A.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

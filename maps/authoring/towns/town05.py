@@ -12,8 +12,6 @@ North is the mirror image of east in the diagonal, driven backwards: ramps that 
 join it in the north. West and south are east and north turned by half a circle.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -11,8 +11,6 @@
 The drive: eastwards along the highway in its right lane, over into the auxiliary lane and down the exit X.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from maps.authoring.elements.auxiliary_lanes import ExtraLane

@@ -12,8 +12,6 @@
 The drive: north through the hamlet, along the lake, between the fields and over the hill.
 """
 
-from __future__ import annotations
-
 import math
 
 from maps.authoring.elements.cross_sections import CrossSection

@@ -12,8 +12,6 @@
 The drive's loop runs clockwise in the right lane: once round the town and once round its south-west block.
 """
 
-from __future__ import annotations
-
 from maps.authoring.elements.auxiliary_lanes import ExtraLane
 from maps.authoring.elements.cross_sections import CrossSection
 from maps.authoring.plan import TownPlan

@@ -5,8 +5,6 @@ Examples:
   carlaloc completion zsh > ~/.zfunc/_carlaloc
 """
 
-from __future__ import annotations
-
 import argparse
 from importlib.util import find_spec
 from typing import Any

@@ -5,8 +5,6 @@ Examples:
   carlaloc demo --look
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

@@ -1,7 +1,5 @@
 """Report what works on this machine, how fast, and the packages to install for the rest."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from typing import Any

@@ -8,8 +8,6 @@ Examples:
   carlaloc edit traffic drive.mcap --seed 8 --out other.mcap
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from typing import Any

@@ -7,8 +7,6 @@ Examples:
   carlaloc info --repair drive.mcap.recording --out whole.mcap
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from typing import Any

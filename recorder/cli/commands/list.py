@@ -5,8 +5,6 @@ Examples:
   carlaloc list formats --json
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from typing import Any

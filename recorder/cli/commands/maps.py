@@ -7,8 +7,6 @@ Examples:
   carlaloc maps check my.xodr --waypoints 2 --csv waypoints.csv
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from typing import Any

@@ -5,8 +5,6 @@ Examples:
   carlaloc minari day/*.mcap --out sets/town01-seen-v0 --rig bev --frame-skip 4
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from typing import Any

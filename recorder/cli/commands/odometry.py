@@ -6,8 +6,6 @@ Examples:
   carlaloc odometry run_0.mcap --time-field t --time-unit us --out estimate.tum
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

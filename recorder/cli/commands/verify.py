@@ -5,8 +5,6 @@ Examples:
   carlaloc verify data --against /mnt/made_elsewhere/data
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from typing import Any

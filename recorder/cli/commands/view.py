@@ -6,8 +6,6 @@ Examples:
   carlaloc view Town03
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from pathlib import Path

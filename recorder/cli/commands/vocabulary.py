@@ -5,8 +5,6 @@ Examples:
   CARLALOC_ORBSLAM3_VOCABULARY=orb.txt carlaloc benchmark data --methods orbslam3_stereo
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

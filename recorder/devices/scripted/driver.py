@@ -1,7 +1,5 @@
 """The scripted driver: a device like any other that follows the route as a person would."""
 
-from __future__ import annotations
-
 import math
 
 from carlaloc_env.core import clock

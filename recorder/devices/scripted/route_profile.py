@@ -1,7 +1,5 @@
 """The route as a driver sees it: where the lane runs, how it bends, how fast it may be driven."""
 
-from __future__ import annotations
-
 from math import floor, pi
 
 import numpy as np

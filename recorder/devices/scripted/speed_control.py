@@ -5,8 +5,6 @@ D = (v₀+v₁)/2·T + a₀T²/12 and begins with the jerk 2(3(v₁−v₀) − 
 tick keeps a car on its cubic and makes the plan its own feedback.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import inf, sqrt
 

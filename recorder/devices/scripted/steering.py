@@ -9,8 +9,6 @@ errors", 2018); in junction turns the hands follow continuously.
 The right foot: one pedal at a time, time to change over, no jumps.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from math import degrees, sqrt

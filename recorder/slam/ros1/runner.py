@@ -1,7 +1,5 @@
 """ROS 1 nodes by a description: what they read and publish, and the process that feeds them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

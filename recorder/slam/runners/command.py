@@ -1,7 +1,5 @@
 """Systems that are programs of their own: a command that reads a bag or a folder and writes a trajectory."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -11,8 +11,6 @@ Our sequences as a data set of evalio, so that all of its pipelines and commands
 Sequences are called by their place below the folder, such as ``town03_clearnoon_dynamic``.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 from collections.abc import Sequence

@@ -12,8 +12,6 @@ It states a covariance: each fit is taken for an independent measurement of the 
 with the covariance of a least-squares fit: the inverse Hessian times the mean squared residual.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

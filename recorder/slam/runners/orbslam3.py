@@ -5,8 +5,6 @@ the calibration file that every dataset holds. The trajectory is the one that it
 left camera, or with inertia of the IMU.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -3,8 +3,6 @@
 Calibration for Basalt: one JSON file.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

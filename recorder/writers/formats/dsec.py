@@ -11,8 +11,6 @@ True disparity of the left event camera in the layout of the DSEC data set.
 (dsec.ifi.uzh.ch/data-format). Both cameras look in the same direction, so that pictures are rectified.
 """
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any, TextIO

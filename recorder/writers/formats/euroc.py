@@ -3,8 +3,6 @@
 Ground truth as EuRoC's table of states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TextIO

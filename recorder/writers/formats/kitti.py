@@ -11,8 +11,6 @@ Numbers are those of semantic-kitti-api's ``config/semantic-kitti.yaml`` (Behley
 A Dataset for Semantic Scene Understanding of LiDAR Sequences", ICCV 2019).
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path

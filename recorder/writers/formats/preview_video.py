@@ -1,7 +1,5 @@
 """A short film of a sequence: colour, depth, semantics and LiDAR of its rig, side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from fractions import Fraction

@@ -7,8 +7,6 @@ names are stamps, arrays have the names and units of `carlaloc_env.samples`.
 Trajectories in the TUM format: one line "time tx ty tz qx qy qz qw" per pose.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The common part of ROS 1 and ROS 2 bag writers: the message and the topic of each sample."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Collection
 from pathlib import Path

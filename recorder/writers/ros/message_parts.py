@@ -3,8 +3,6 @@
 Events as `dvs_msgs/EventArray`, packed as a whole: an object per event would take 10 s a second.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from typing import Any

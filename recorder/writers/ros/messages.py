@@ -3,8 +3,6 @@
 ROS messages of how the car and others move: inertial, satellite, wheels, CAN, truth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

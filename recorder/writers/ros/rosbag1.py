@@ -1,7 +1,5 @@
 """ROS 1 bags, written without ROS."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import lz4.frame  # type: ignore[import-untyped]

@@ -3,8 +3,6 @@
 Messages of a ROS 2 bag in MCAP, by its makers' library: zstd chunks with checksums, schemas inside.
 """
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Mapping
 from contextlib import suppress

@@ -11,8 +11,6 @@ docs/formats.md gives the losses of each, and tests hold them.
 H.264 for `foxglove_msgs/CompressedVideo`: each message holds a picture that can be shown at once.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Processes that want the same kept thing at once: one makes it, the others wait."""
 
-from __future__ import annotations
-
 import logging
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Kept arrays are believed only where they are the user's own."""
 
-from __future__ import annotations
-
 import logging
 import os
 from collections.abc import Callable

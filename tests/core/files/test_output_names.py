@@ -1,7 +1,5 @@
 """What files of others say never leads out of a folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

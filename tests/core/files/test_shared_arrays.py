@@ -1,7 +1,5 @@
 """Large arrays that processes share lie in one file, which nobody can write to and which has all of them."""
 
-from __future__ import annotations
-
 import mmap
 from pathlib import Path
 from typing import Any

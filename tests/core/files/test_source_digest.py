@@ -1,7 +1,5 @@
 """What kept files are named after: every source that went into them, found by reading imports."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import sys

@@ -1,7 +1,5 @@
 """Text files that users give are read whatever editor wrote them, and refused in words of ours."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

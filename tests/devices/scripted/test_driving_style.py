@@ -1,7 +1,5 @@
 """The scripted driver on streets and in turns, judged by bands of human driving."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.drives.driver_runs import RIGHT_ANGLE, drive, jerk, route_of

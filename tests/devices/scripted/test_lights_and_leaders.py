@@ -1,7 +1,5 @@
 """The scripted driver before traffic lights and behind others."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

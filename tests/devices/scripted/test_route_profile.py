@@ -1,7 +1,5 @@
 """The scripted driver in tight turns, round a block, on hills, and twice with one seed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The driver's model of the car against the car."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

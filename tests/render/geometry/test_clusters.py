@@ -1,7 +1,5 @@
 """Clusters of scenery: every triangle in one of them, each small, and boxed tightly."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

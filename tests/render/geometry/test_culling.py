@@ -1,7 +1,5 @@
 """What the renderer leaves out changes nothing: clusters, hidden boxes, lamps that light nothing."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Equal vertices become one, and the triangles stay what they are."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.render.geometry.packed_meshes import without_doubles

@@ -1,7 +1,5 @@
 """Meshes on their way to the graphics: what is let go, and which bodies are closed."""
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Depth, labels and places of what is drawn, against the pinhole, the plane equation and Embree."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pictures beside PyTorch in one process."""
 
-from __future__ import annotations
-
 import importlib.util
 import subprocess
 import sys

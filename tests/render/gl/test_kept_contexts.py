@@ -1,7 +1,5 @@
 """Renderers one after another in the same context: nothing is left behind, pictures stay the same."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import moderngl

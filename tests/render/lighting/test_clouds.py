@@ -1,7 +1,5 @@
 """Clouds of the sky map: how much of the sky they cover, and how bright they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

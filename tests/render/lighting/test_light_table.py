@@ -1,7 +1,5 @@
 """Rows of the lights of a night, as the shaders read them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Light of surfaces and of the air before them, against closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lamps of the night: which reach a tile, and how bright they light what they reach."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Short cuts of shading against the formulas they stand for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.render_scenes import FORWARD, ground, need_opengl, quad, scene, standing

@@ -1,7 +1,5 @@
 """Formulas that Python and the shaders both have, on rendered pixels; and the numbers that they share."""
 
-from __future__ import annotations
-
 import re
 from importlib import resources
 

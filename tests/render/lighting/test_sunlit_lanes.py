@@ -4,8 +4,6 @@ There (noon, 464 × 258 px, the lane before the car) the logarithm of grey devia
 brighter than 1.4 times the median, and neighbours differ by 0.55 % of it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.render_scenes import need_opengl

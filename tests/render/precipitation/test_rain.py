@@ -1,7 +1,5 @@
 """Rain: how many drops, how they fall, and that all cameras see the same ones."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

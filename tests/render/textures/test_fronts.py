@@ -1,7 +1,5 @@
 """Fronts of masonry, panels, boards and glass differ from one tile of the texture to the next."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

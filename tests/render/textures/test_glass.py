@@ -1,7 +1,5 @@
 """What panes mirror of the sky, against Fresnel's formula for two sheets of glass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

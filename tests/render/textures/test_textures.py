@@ -1,7 +1,5 @@
 """Textures against the albedo sheet, for seams, contrast, atlas layout and caching."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

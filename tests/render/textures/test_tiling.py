@@ -1,7 +1,5 @@
 """Textures that cover hundreds of tiles show no grid from afar."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Letters of signs: areas and widths against the typeface's own numbers."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

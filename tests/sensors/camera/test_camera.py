@@ -1,7 +1,5 @@
 """The camera sensor: streams, poses over a Timeline, and sharing of geometry between weathers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

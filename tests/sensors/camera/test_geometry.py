@@ -1,7 +1,5 @@
 """Flow, normals, depth and labels of a camera against geometry worked out by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

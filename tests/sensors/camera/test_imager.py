@@ -1,7 +1,5 @@
 """Exposure, noise, tone curve, motion blur and rolling shutter against their formulas."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """Cameras in Town03: depth against rays, labels against the LiDAR, disparity, rates of events."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Event pixels against closed forms: ramps, sums, dead times, noise, order."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

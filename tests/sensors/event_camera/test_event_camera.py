@@ -1,7 +1,5 @@
 """The event output of a camera over a Timeline: memory, order of stamps, rates, stillness."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

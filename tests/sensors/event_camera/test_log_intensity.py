@@ -1,7 +1,5 @@
 """Log intensity of event pixels against numpy's logarithm."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import convolve1d
 

@@ -1,7 +1,5 @@
 """The signal of event pixels along the true motion: edges, a wall, a pole that passes in front."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

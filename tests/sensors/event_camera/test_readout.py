@@ -1,7 +1,5 @@
 """Read-out of events: the order of time against a stable sort, the limit of its rate, counts."""
 
-from __future__ import annotations
-
 import numpy as np
 from shared_fixtures.readings.bag_samples import batch_of
 

@@ -1,7 +1,5 @@
 """Truth of road users: boxes, velocities, visibility, and ids that join with points."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Surfaces that pass over tiles of a picture, against those that a box meets."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

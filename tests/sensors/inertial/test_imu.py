@@ -1,7 +1,5 @@
 """The IMU: gravity's sign, lever arm, re-integration, and noise of the promised densities."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Noise of the IMU: densities, bias walks and bias instability against theory."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The LiDAR against closed forms, and against what SLAM front-ends expect of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

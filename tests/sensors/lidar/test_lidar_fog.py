@@ -1,7 +1,5 @@
 """Fog in LiDAR scans: range, fog echoes and intensity against published curves and integrals."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Intensity of LiDAR returns, and the range at which dark walls vanish."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion in LiDAR scans: de-skewing with the truth, cars that pass, tilted mounts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

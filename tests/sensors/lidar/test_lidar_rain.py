@@ -1,7 +1,5 @@
 """Rain in LiDAR scans: drops, wet ground and spray against theory."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

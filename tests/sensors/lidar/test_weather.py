@@ -1,7 +1,5 @@
 """LiDAR in fog, rain, spray and on wet ground, and its other options, against published curves."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

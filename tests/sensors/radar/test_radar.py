@@ -1,7 +1,5 @@
 """Radar: signs, the radar equation, Swerling's detection probability, cells, ghosts, ego velocity."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """The radar equation: signal, detection probability, cells, cross sections and rain loss."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Wheel encoders and CAN signals of the real physics: rolling, bends, slip, steps of the bus."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The scripted driver in the real car on a plane: routes of arcs, and a log of every tick."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """What the tests of the whole share: one short drive, recorded once."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

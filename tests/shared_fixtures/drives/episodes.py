@@ -1,7 +1,5 @@
 """Episodes of random numbers: every tick and step follows from its own."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.core.ego import Controls

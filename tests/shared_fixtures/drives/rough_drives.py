@@ -1,7 +1,5 @@
 """The ego at a steady speed on a straight road with a profile, and the motion of points of its body."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A drive of two seconds on a map that stands in a moment, a rig of small sensors, and commands over them."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """A copy of the checkout for tests that install it, and pip, which may lack an index."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """All commands and their options, taken from the parsers themselves, so that new ones are covered."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from pathlib import Path

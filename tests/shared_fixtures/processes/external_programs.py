@@ -1,7 +1,5 @@
 """Programs of others, run by the files that we give: where those are, and what is missing here."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

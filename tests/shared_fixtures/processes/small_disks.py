@@ -1,7 +1,5 @@
 """Disks of a few bytes, for tests of what happens when one is full."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

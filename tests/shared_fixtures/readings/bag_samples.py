@@ -1,7 +1,5 @@
 """A fifth of a second of every kind of sample, the rig they come from, and bags read back by rosbags."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

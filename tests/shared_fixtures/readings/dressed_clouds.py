@@ -1,7 +1,5 @@
 """The same clouds in the dressings of other people's drivers, written into bags of every kind."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Event pixels without a camera: uniform thresholds, states without history, a wall that moves."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

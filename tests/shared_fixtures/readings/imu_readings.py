@@ -1,7 +1,5 @@
 """Readings of an IMU on the drives of `scenes`, with and without its errors."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """LiDAR scans of the paper's sensor: both clouds, directions and poses of their points."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from carlaloc_env.samples import PointCloud

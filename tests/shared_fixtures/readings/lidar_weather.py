@@ -1,7 +1,5 @@
 """LiDAR scans in weather: configurations and single scans of both clouds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

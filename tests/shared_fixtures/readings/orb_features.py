@@ -1,7 +1,5 @@
 """What a visual SLAM system finds in pictures of a town: OpenCV's ORB, as ORB-SLAM sets it up."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple

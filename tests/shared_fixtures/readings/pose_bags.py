@@ -1,7 +1,5 @@
 """Bags with poses, of every type of message that holds them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """One estimate as the tables of many systems and data sets hold it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Radar scans: configurations, and frames of a drive."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A trajectory of six seconds, and what makes another one the same."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.core import transforms

@@ -1,7 +1,5 @@
 """A dataset in closed form: a LiDAR that drives a curve in a box, with a tenth of its points on a car."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 How far a pose lies ahead of the place where its sweep began, over the speed, is the instant of that pose.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether two things are the same to the last bit: records, groups and tables, whatever they hold."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """OpenDRIVE files for tests: small ones of our own, the packaged towns, and CARLA's, which are not ours."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

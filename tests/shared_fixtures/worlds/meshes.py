@@ -1,7 +1,5 @@
 """Movable models, made once, and measures of meshes that only tests need."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

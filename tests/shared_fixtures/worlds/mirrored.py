@@ -1,7 +1,5 @@
 """A map in a mirror: y and all that counts to the left change their sign, traffic keeps to the other side."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from pathlib import Path
 

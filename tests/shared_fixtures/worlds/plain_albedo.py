@@ -1,7 +1,5 @@
 """One colour for every material, for tests that need no textures."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.scene.materials import Material, material_values

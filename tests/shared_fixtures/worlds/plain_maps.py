@@ -1,7 +1,5 @@
 """OpenDRIVE files read from their XML by formulas of their own."""
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Scenes of a few quads before one camera, for tests of the renderer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray

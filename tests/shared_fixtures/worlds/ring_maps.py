@@ -1,7 +1,5 @@
 """Small maps as other people's programs write them: a ring of 388 m, and two roads joined by a third."""
 
-from __future__ import annotations
-
 import math
 
 LANE = '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>'

@@ -1,7 +1,5 @@
 """Small worlds of boxes and planes with closed-form answers, and drives through them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

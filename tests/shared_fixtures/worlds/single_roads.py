@@ -1,7 +1,5 @@
 """Maps of one road with any reference line, and points on it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

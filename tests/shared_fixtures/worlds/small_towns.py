@@ -1,7 +1,5 @@
 """Towns of a few straight roads, built once, and rays through them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Brightness of free lanes in the sun, as measured on a photograph: which pixels, and three figures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

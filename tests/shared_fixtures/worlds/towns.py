@@ -1,7 +1,5 @@
 """Packaged towns, each read or built once in a process."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

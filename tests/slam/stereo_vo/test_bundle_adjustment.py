@@ -1,7 +1,5 @@
 """Bundle adjustment against a scene that is known: exact without noise, better than its parts with it."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import approx_fprime
 

@@ -1,7 +1,5 @@
 """A window of keyframes that slides over a long way, against the truth and against no window."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from carlaloc_env.core.array_types import Array

@@ -1,7 +1,5 @@
 """Our stereo odometry before a textured wall, where its way is known in closed form."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

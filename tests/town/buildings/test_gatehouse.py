@@ -1,7 +1,5 @@
 """A building over a street: room below it, walls beside it, light in it; and Town05's drive leads through."""
 
-from __future__ import annotations
-
 import pathlib
 
 import numpy as np

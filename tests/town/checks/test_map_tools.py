@@ -1,7 +1,5 @@
 """Our own towns before other people's tools, and their drives as town.toml describes them."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import os

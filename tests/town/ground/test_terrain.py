@@ -1,7 +1,5 @@
 """Ground of junctions and of what lies beside paved areas."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The counter of instance ids."""
 
-from __future__ import annotations
-
 import pytest
 
 from carlaloc_env.core.errors import MapError

@@ -1,7 +1,5 @@
 """A town's squares: those outside the picture are not drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

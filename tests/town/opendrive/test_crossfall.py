@@ -1,7 +1,5 @@
 """Crossfall and relief of roads: where they lie, and that nothing steps where roads meet."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.single_roads import road

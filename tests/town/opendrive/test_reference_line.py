@@ -1,7 +1,5 @@
 """Reference lines against closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lanes, heights and limits of a road against closed forms."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """What wheels feel of a road lies where pictures show it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shared_fixtures.worlds.small_towns import Built, cast

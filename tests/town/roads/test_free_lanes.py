@@ -1,7 +1,5 @@
 """Lanes of the packaged towns are free: what wheels touch there is the road that is seen."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

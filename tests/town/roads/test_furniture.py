@@ -1,7 +1,5 @@
 """Everything that streets are known by stands somewhere along the sidewalks of our towns."""
 
-from __future__ import annotations
-
 import pathlib
 
 import numpy as np

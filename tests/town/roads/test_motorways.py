@@ -1,7 +1,5 @@
 """Fast roads against streets: what they are made of, and how little lies on them and is mended in them."""
 
-from __future__ import annotations
-
 import pathlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Road meshes against the analytic surface, by rays from above."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """Kerbs drop at crosswalks; gravel bears no paint; wedges at exits are hatched."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

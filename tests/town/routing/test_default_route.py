@@ -1,7 +1,5 @@
 """Routes that are chosen for towns whose owner has given none."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

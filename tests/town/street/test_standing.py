@@ -1,7 +1,5 @@
 """What stands in towns of every zone: nothing on lanes or sidewalks, neighbours that differ, right tags."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """Distances of reflecting posts against the table of the German notes, on lines and along built roads."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

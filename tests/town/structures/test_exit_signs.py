@@ -1,7 +1,5 @@
 """Direction signs before exits: where the rules want them, clear of lanes, turned towards those who come."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

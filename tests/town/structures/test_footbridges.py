@@ -1,7 +1,5 @@
 """Footbridges over a made-up motorway on level ground."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """Wires of overhead lines against the catenary."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Decks, water, rails and parked cars, on maps small enough to build in seconds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """Fittings of a straight underpass of 60 m: inside its walls, above the clear height, facing inwards."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

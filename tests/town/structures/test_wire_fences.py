@@ -1,7 +1,5 @@
 """Wire fences beside fast roads: where they stand, and where they make room."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Demand for lanes: main streets are those of the route, and the stream runs towards it."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables take the types of their columns from annotations, which numpy shows differently from 2.5 on."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Calibration files loaded as their programs load them, and compared with each other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

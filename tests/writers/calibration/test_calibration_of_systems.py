@@ -1,7 +1,5 @@
 """Calibration files read as OpenVINS, S-MSCKF, Basalt, LIO-SAM, KISS-ICP, RKO-LIO and A-LOAM read them."""
 
-from __future__ import annotations
-
 import json
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path

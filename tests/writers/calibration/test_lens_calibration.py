@@ -1,7 +1,5 @@
 """Distorted pictures and the calibration files written beside them, undone again by OpenCV."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

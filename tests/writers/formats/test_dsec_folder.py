@@ -1,7 +1,5 @@
 """DSEC's folders as its own example loader walks them (uzh-rpg/DSEC, scripts/dataset/sequence.py)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

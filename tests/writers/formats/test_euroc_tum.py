@@ -1,7 +1,5 @@
 """EuRoC folders and TUM files, read back by evo, OpenCV and PyYAML."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

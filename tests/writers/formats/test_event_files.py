@@ -1,7 +1,5 @@
 """Events in DSEC's layout and as dvs_msgs, against what independent readers find."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

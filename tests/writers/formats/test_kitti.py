@@ -1,7 +1,5 @@
 """KITTI's layout, against its definitions, against evo's reader and against a drive in closed form."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """The film of a sequence, read back."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

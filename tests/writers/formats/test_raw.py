@@ -1,7 +1,5 @@
 """The raw format, read back by OpenCV, NumPy and Open3D: every number as it was."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

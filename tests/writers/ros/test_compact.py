@@ -1,7 +1,5 @@
 """Bags of the profiles `compact`, read by software that nobody here wrote: what is lost is what is told."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

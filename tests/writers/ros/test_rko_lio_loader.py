@@ -1,7 +1,5 @@
 """Bags of both kinds by RKO-LIO's own loader: samples, times and extrinsics are those written."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """ROS 1's own command line tools on our bags: info, check and play, from Debian's packages."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

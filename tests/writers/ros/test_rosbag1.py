@@ -1,7 +1,5 @@
 """ROS 1 bags of the profile `standard` read back by rosbags: types, stamps, values."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

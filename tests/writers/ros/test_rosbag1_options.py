@@ -1,7 +1,5 @@
 """ROS 1 bags: profiles, compressions before ROS's own reader, refusals."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """ROS 2 bags read back by rosbags and by MCAP's own library: values, definitions, latching, metadata."""
 
-from __future__ import annotations
-
 import hashlib
 import sqlite3
 from pathlib import Path

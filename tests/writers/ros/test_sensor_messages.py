@@ -1,7 +1,5 @@
 """Messages beyond camera, LiDAR, IMU and GNSS: official definitions, values and units, ROS 1 and ROS 2."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from typing import Any

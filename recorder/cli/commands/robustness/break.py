@@ -9,8 +9,6 @@ It writes the counter-example as a bag and a film, its condition, the nearest on
 Tries are kept: the same command resumes the search.
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

@@ -6,8 +6,6 @@ Examples:
   carlaloc places first.mcap second.mcap --out places --descriptors mine.npz --force
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

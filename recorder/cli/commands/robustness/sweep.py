@@ -9,8 +9,6 @@ Each --over is swept by itself from the base condition (--weather, --traffic, --
 the same command resumes the sweep.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from typing import Any

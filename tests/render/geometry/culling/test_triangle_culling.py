@@ -1,7 +1,5 @@
 """Triangles that are left out one by one show in no pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Uniforms that travel as flat varyings: the same bits in every pixel."""
 
-from __future__ import annotations
-
 import moderngl
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """A night by tiles, each with its own lists of lamps, against one list for the whole image."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

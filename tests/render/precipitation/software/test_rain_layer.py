@@ -1,7 +1,5 @@
 """Streaks on the pixels that they touch, against every streak on every pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
