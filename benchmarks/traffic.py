@@ -10,7 +10,7 @@ from traffic_audit import TrafficReport, audit_traffic
 
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.world import TrafficConfig
+from carlaloc_env.traffic.population import TrafficConfig
 
 PAPER_COUNTS = {
     "Town01": (102, 30),

@@ -13,10 +13,11 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
-from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+from carlaloc_env.traffic.world import TrafficWorld
 
 NOBODY = EgoView(position_m=(1e5, 1e5, 0.0), heading_rad=0.0, speed_mps=0.0)
 """An ego that is nowhere near."""

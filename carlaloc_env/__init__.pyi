@@ -1,6 +1,27 @@
 """Public names of the package, lent when asked for: the page docs/api.md explains them."""
 
+from carlaloc_env.core.camera_model import Lens as Lens
+from carlaloc_env.core.camera_model import Pinhole as Pinhole
+from carlaloc_env.core.ego import Controls as Controls
+from carlaloc_env.core.errors import ActionError as ActionError
+from carlaloc_env.core.errors import CarlaLocError as CarlaLocError
+from carlaloc_env.core.errors import ConfigError as ConfigError
+from carlaloc_env.core.errors import DeviceError as DeviceError
+from carlaloc_env.core.errors import EpisodeError as EpisodeError
+from carlaloc_env.core.errors import EvaluationError as EvaluationError
+from carlaloc_env.core.errors import MapError as MapError
+from carlaloc_env.core.errors import MissingDependencyError as MissingDependencyError
+from carlaloc_env.core.errors import OutputError as OutputError
+from carlaloc_env.core.errors import RaycastError as RaycastError
+from carlaloc_env.core.errors import RenderError as RenderError
+from carlaloc_env.core.errors import WriterError as WriterError
 from carlaloc_env.driving.driving_world import DrivingWorld as DrivingWorld
+from carlaloc_env.driving.road_ahead import DriverView as DriverView
+from carlaloc_env.envs.carlaloc_env import AnyTownEnv as AnyTownEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv as CarlaLocEnv
+from carlaloc_env.envs.task.referee import TaskConfig as TaskConfig
+from carlaloc_env.rigs.presets import rig_by_name as rig_by_name
+from carlaloc_env.rigs.rig import SensorRig as SensorRig
 from carlaloc_env.samples import CanState as CanState
 from carlaloc_env.samples import DepthImage as DepthImage
 from carlaloc_env.samples import Events as Events
@@ -18,11 +39,32 @@ from carlaloc_env.samples import SemanticImage as SemanticImage
 from carlaloc_env.samples import Speed as Speed
 from carlaloc_env.samples import WheelTicks as WheelTicks
 from carlaloc_env.sensor_stage import SensorStage as SensorStage
+from carlaloc_env.sensors.base import Mount as Mount
+from carlaloc_env.sensors.base import Sensor as Sensor
+from carlaloc_env.sensors.base import SensorConfig as SensorConfig
+from carlaloc_env.sensors.camera import CameraConfig as CameraConfig
+from carlaloc_env.sensors.gnss import GnssConfig as GnssConfig
+from carlaloc_env.sensors.imu import ImuConfig as ImuConfig
+from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig as LidarConfig
+from carlaloc_env.sensors.radar import RadarConfig as RadarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS as SENSOR_KINDS
+from carlaloc_env.sensors.vehicle import CanConfig as CanConfig
+from carlaloc_env.sensors.vehicle import SpeedConfig as SpeedConfig
+from carlaloc_env.sensors.vehicle import WheelsConfig as WheelsConfig
+from carlaloc_env.timeline.ego_spline import Motion as Motion
+from carlaloc_env.timeline.timeline import ActorCatalog as ActorCatalog
+from carlaloc_env.timeline.timeline import ActorFrame as ActorFrame
+from carlaloc_env.timeline.timeline import Snapshot as Snapshot
+from carlaloc_env.timeline.timeline import Timeline as Timeline
 from carlaloc_env.town.build import load_town as load_town
 from carlaloc_env.town.sources import TownId as TownId
 from carlaloc_env.town.sources import identify_town as identify_town
 from carlaloc_env.town.sources import known_towns as known_towns
+from carlaloc_env.town.town import Town as Town
+from carlaloc_env.traffic.population import TrafficConfig as TrafficConfig
+from carlaloc_env.traffic.population import traffic_of_town as traffic_of_town
+from carlaloc_env.weather.parameters import WeatherParameters as WeatherParameters
+from carlaloc_env.weather.parameters import weather_by_name as weather_by_name
 from carlaloc_env.weather.schedule import WeatherSchedule as WeatherSchedule
 
 __version__: str

@@ -35,8 +35,8 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town, without_movables
+from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import StopLines
-from carlaloc_env.traffic.world import TrafficConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.episode.episode import ControlLog, Episode
 from recorder.episode.summary import town_of

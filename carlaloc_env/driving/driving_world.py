@@ -23,10 +23,11 @@ from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town, without_movables
+from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import StopLines
 from carlaloc_env.traffic.standing_traffic import kept_tables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
-from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+from carlaloc_env.traffic.world import TrafficWorld
 
 _PARKED = Controls(brake=1.0)
 """Controls of a standing car."""

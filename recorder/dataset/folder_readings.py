@@ -81,10 +81,10 @@ def pairs_without_movers(
         right: Masks of the right images.
     """
     for pair in pairs:
-        yield without_movers(pair, *(_of_stamp(found, pair.stamp_ns) for found in (left, right)))
+        yield movers_painted_over(pair, *(_of_stamp(found, pair.stamp_ns) for found in (left, right)))
 
 
-def without_movers(pair: StereoPair, left: NDArray[np.bool_], right: NDArray[np.bool_]) -> StereoPair:
+def movers_painted_over(pair: StereoPair, left: NDArray[np.bool_], right: NDArray[np.bool_]) -> StereoPair:
     """A pair in which movers are painted over in the tones around them, with the mask of the left image.
 
     Systems without masks find few features in smooth paint; systems with masks get them.
@@ -274,7 +274,7 @@ class FeedReadings:
             pair, masks = found
             if without_movers and masks is None:
                 raise EvaluationError("no labelled images; take cameras with the output semantic")
-            yield without_movers(pair, *masks) if without_movers else pair
+            yield movers_painted_over(pair, *masks) if without_movers else pair
 
     def _ask(self, request: str) -> Any:
         try:

@@ -26,9 +26,10 @@ from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
-from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+from carlaloc_env.traffic.world import TrafficWorld
 from recorder.drive.listeners import FIRST_DRIVEN_TICK, ego_row
 from recorder.episode.edit import rewrite_traffic
 from recorder.episode.episode import Episode, EpisodeWriter

@@ -8,7 +8,7 @@ import pytest
 from carlaloc_env.rigs.presets import RIGS
 from recorder.cli.main import main
 from recorder.dataset.layout import FORMATS
-from recorder.devices.registry import DEVICES
+from recorder.devices.base import DEVICES
 from recorder.evaluation.align import Alignment
 from recorder.writers.topics import PROFILES
 

@@ -13,7 +13,7 @@ from carlaloc_env.weather.parameters import weather_by_name
 from recorder.cli.commands.list import KINDS
 from recorder.cli.main import COMMANDS, main
 from recorder.dataset.layout import FORMATS
-from recorder.devices.registry import DEVICES
+from recorder.devices.base import DEVICES
 from recorder.replaying.sequence_writers import _OUTPUTS
 from recorder.writers.topics import profile_by_name
 

@@ -13,7 +13,7 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.batches import InstanceIds
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.street.signals_and_signs import add_signals
-from carlaloc_env.traffic.world import TrafficConfig
+from carlaloc_env.traffic.population import TrafficConfig
 from recorder.drive.record import RecordConfig, record
 
 SHAPES = {

@@ -13,9 +13,10 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.routing.route import plan_route
+from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.standing_traffic import TrafficTables
-from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+from carlaloc_env.traffic.world import TrafficWorld
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
 

@@ -14,10 +14,10 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.population import traffic_of_town
+from carlaloc_env.traffic.population import TrafficConfig, traffic_of_town
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.lane_tables import TAKEN
-from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+from carlaloc_env.traffic.world import TrafficWorld
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalPlan, SignalState
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.lane_tables import (
@@ -23,7 +24,7 @@ from carlaloc_env.traffic.tables.lane_tables import (
 )
 from carlaloc_env.traffic.vehicles.car_following import idm_plus
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
-from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+from carlaloc_env.traffic.world import TrafficWorld
 
 FAR_AWAY = EgoView(position_m=(1e5, 1e5, 0.0), heading_rad=0.0, speed_mps=0.0)
 

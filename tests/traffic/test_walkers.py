@@ -7,12 +7,13 @@ from benchmarks.traffic_audit import NOBODY, on_walkable
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.town.build import load_town
+from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.lane_reachability import CROSSWALK
 from carlaloc_env.traffic.tables.lane_tables import TAKEN
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
-from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+from carlaloc_env.traffic.world import TrafficWorld
 
 
 @pytest.fixture(scope="module")

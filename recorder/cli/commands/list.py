@@ -73,7 +73,7 @@ def _methods() -> dict[str, str]:
 
 
 def _devices() -> dict[str, str]:
-    from recorder.devices.registry import DEVICES
+    from recorder.devices.base import DEVICES
 
     return dict.fromkeys(DEVICES, "") | {
         "scripted": "drives the town's route by itself",

@@ -12,6 +12,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
+from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.lane_reachability import (
     MAIN_STREET_DEMAND,
@@ -20,7 +21,7 @@ from carlaloc_env.traffic.tables.lane_reachability import (
     lane_demand,
     weighted_order,
 )
-from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+from carlaloc_env.traffic.world import TrafficWorld
 
 
 @pytest.fixture(scope="module")
