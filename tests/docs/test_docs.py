@@ -89,6 +89,19 @@ def test_named_files_exist(page: Path) -> None:
         assert (ROOT / name).exists() or (ROOT / "carlaloc_env" / name).exists(), name
 
 
+def test_the_tour_answers_ten_questions_by_names_that_exist() -> None:
+    """Each answer names a file, and each name in brackets behind a file is defined there."""
+    answers = text_of("tour.md").split("\n## ")[1:]
+    assert len(answers) == 10
+    for answer in answers:
+        assert "`" in answer, answer
+        for path, names in re.findall(r"`([\w/]+\.py)`\s\(((?:`\w+`(?:,\s)?)+)\)", answer):
+            code = (ROOT / path).read_text(encoding="utf-8")
+            for name in re.findall(r"\w+", names):
+                defined = re.search(rf"^(?:class |def )?{name}\b[^\n]*[=:(]", code, re.MULTILINE)
+                assert defined, f"{path} defines no {name}"
+
+
 def test_named_make_targets_exist() -> None:
     """Every `make x` of README and CONTRIBUTING is a target, and CONTRIBUTING names all but `clean`."""
     targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
