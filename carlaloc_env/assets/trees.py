@@ -1,7 +1,5 @@
 """Trees and palms: species, trunks, branches, crowns.
 
-Trees with trunks, branches and crowns of clumps and leaves.
-
 Branch radii follow r_child = r_parent · n^(−1/2.3) (Weber & Penn, SIGGRAPH 1995); low detail keeps
 the total leaf area with fewer, larger pieces, so that colour and LiDAR returns stay.
 

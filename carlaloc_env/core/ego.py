@@ -4,8 +4,6 @@ Dimensions of the ego car, an electric saloon: the one place that owns them.
 
 Physics, sensors, assets, town and traffic all read them here. Frame `base_link`: FLU, on the ground
 below the middle of the rear axle.
-
-What a driver does: the five controls that every device gives and the physics takes.
 """
 
 from __future__ import annotations

@@ -4,8 +4,6 @@ What all environments share: a specification that fits JSON, seeds, and an end.
 
 A window that shows pictures as they come, for `render_mode` human.
 
-The view from the driver's seat: what `render` shows.
-
 Samples to a Gymnasium observation: fixed shapes, the newest values, zeros for what is yet to come.
 """
 

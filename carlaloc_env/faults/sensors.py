@@ -7,8 +7,6 @@ Faults of LiDARs: dead and biased beams, lost points, other LiDARs' pulses, dirt
 Faults of GNSS receivers: times without a fix, and jumps of the position.
 
 Faults of IMUs: saturation and steps of the bias; missing samples are faults of time.
-
-Faults of wheel encoders: driven wheels that slip.
 """
 
 import math

@@ -1,9 +1,4 @@
-"""Samples of cameras, LiDARs and radars.
-
-What cameras put out.
-
-What LiDAR and radar put out.
-"""
+"""Samples of cameras, LiDARs and radars."""
 
 from dataclasses import dataclass
 

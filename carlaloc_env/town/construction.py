@@ -2,8 +2,6 @@
 
 Everything that stands still in a town, built from its map.
 
-Builds the roads of a town from its map.
-
 Zones for maps that come without a `town.toml`, chosen from their roads.
 
 Default numbers of vehicles and walkers of a town.

@@ -6,8 +6,6 @@ A vehicle is admitted to the lanes through a junction when its light and signs p
 it have been admitted, the lane behind the junction has room for it, and every zone that its path
 shares with a vehicle admitted earlier will be clear in time. Inside, it stops before a zone that is
 not clear after all. Zones are given up one by one, as the vehicle's tail leaves them.
-
-Approach to a junction: lights and signs, where to stop, and requests to enter in their order.
 """
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Readings of a sequence from files and from a feed, and images without movers.
 
-Readings of a sequence from the files of its folder: the bag, and images of ``mav0``.
-
 Readings of a sequence from a feed, which makes a drive's sensor data while a system reads them.
 
 Images without movers: masks of labelled images, and painting over.

@@ -1,7 +1,5 @@
 """Listeners to a driving world: the writer of its episode, and the observer of traffic rules.
 
-Writes all that happens in a driving world to an episode.
-
 Violations of traffic rules by the ego: red lights, off the road, wrong way, too fast, off the route.
 """
 

@@ -1,7 +1,5 @@
 """Trajectories: poses with stamps, their order, and their covariances.
 
-Trajectories: poses of a frame with integer stamps.
-
 Poses as a file holds them, put in the order of their times.
 
 Covariances of poses as text beside a trajectory, in the form that smfeval reads as well.

@@ -1,7 +1,5 @@
 """A SLAM system in a process of its own that takes a drive sweep by sweep.
 
-A SLAM system in a process of its own that takes a drive sweep by sweep and gives each pose at once.
-
 The process of a system by which a car drives: ``python -m recorder.slam.live_system job.json``.
 """
 

@@ -2,11 +2,7 @@
 
 A recording of rerun (.rrd): entities named as our frames, all times on the timeline ``stamp``.
 
-Opens rerun's viewer on a recording.
-
 A town as a recording: its solid parts by class, lanes, route and traffic lights.
-
-An episode as a recording: the car, all who take part, traffic lights, pedals and what happened.
 """
 
 import os

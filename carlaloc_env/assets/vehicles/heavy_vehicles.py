@@ -1,9 +1,5 @@
 """Trucks and buses.
 
-Truck.
-
-City bus.
-
 Posters on the flanks of trucks and buses.
 """
 

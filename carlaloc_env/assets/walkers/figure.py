@@ -1,7 +1,5 @@
 """Walkers: a dressed figure with its head and accessories.
 
-Walkers: a dressed figure in any posture.
-
 Heads: a face, ears, hair, hats and helmets.
 
 Skirts, bags and walking sticks of walkers.

@@ -1,7 +1,5 @@
 """Human gait and pedalling: bones, joint angles and joint positions.
 
-Human gait: joint angles over a stride and the joint positions that follow.
-
 Angles: shape of published gait curves (hip, knee, ankle in the sagittal plane), see docs/sensors.md;
 segment lengths as shares of stature: Drillis & Contini, in Winter, "Biomechanics and motor control
 of human movement".

@@ -4,8 +4,6 @@ Frozen dataclasses to plain mappings and back, for YAML files; an unknown key na
 
 Records of numbers, names and small arrays as bytes of JSON, for files of arrays.
 
-Text files that users give: read as UTF-8, or refused in one line.
-
 The line of a log that says why a program has ended.
 """
 

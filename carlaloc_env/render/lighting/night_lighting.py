@@ -1,7 +1,5 @@
 """The lights of a night on the graphics side: their table, and lists by tile.
 
-The lights of a night on the graphics side: their table and lists, and one quad per tile of the picture.
-
 Which lights reach which part of a picture: lists by tile, so that a pixel visits few of many lights.
 
 Tiles with the nearest and farthest depth in them are tested against each light's sphere (tiled shading,

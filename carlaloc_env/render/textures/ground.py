@@ -1,7 +1,5 @@
 """Textures of roads, pavements, earth, water and crops, and the blocks that pavements are laid of.
 
-Textures of roads, pavements, earth and water.
-
 Textures of fields: standing crops and ploughed earth, both in rows along u.
 
 Blocks of walls and pavements, by which the shader knows one block from the next.

@@ -1,9 +1,4 @@
-"""Atlases of shop names, billboards and number plates.
-
-Atlases of shop names and of billboards.
-
-Atlas of number plates.
-"""
+"""Atlases of shop names, billboards and number plates."""
 
 import cv2
 import numpy as np

@@ -1,7 +1,5 @@
 """One drawn picture through the lens, and its motion to the next.
 
-One drawn picture as the camera's pixels see it, through its lens.
-
 Drops on the lens: an option, off in the paper's rig, whose cameras look through a wiped pane.
 
 The motion of everything between two pictures of a camera, in both directions.

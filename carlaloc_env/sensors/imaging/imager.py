@@ -8,10 +8,6 @@ normal one. Gain, conversion to whole numbers and a tone curve follow.
 Motion blur and rolling shutter: pixels between two drawn pictures, along the true motion.
 
 Each row has its own times of exposure; the light of a pixel is the mean over them.
-
-When an imager's pixels gather light.
-
-Kernels: where a pixel comes from between two pictures.
 """
 
 import math

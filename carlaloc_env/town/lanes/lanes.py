@@ -1,8 +1,6 @@
 """Lanes, and what stands along them, as records; how lanes follow each other, and how fast one drives there.
 
 Lanes, and what stands along them: traffic lights, signs, crosswalks.
-
-Lanes of a map: which follow each other, which lie beside each other, and how fast one drives there.
 """
 
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Many small groups of quads and triangles worked out together, and handed out in 
 
 Many copies of few props, gathered first and turned into meshes at the end.
 
-Baking many copies of a prop into the scenery.
-
 Instance ids of what stands in a town: one counter, so that no two things share one.
 """
 

@@ -1,10 +1,6 @@
 """Reads roads: plan view, profiles, lane sections, signals and objects.
 
 Reads lane sections: lanes with widths, borders, heights, marks and speeds.
-
-Reads plan view, elevation and lateral profile of a road.
-
-Reads signals, signal references and objects of a road.
 """
 
 import math

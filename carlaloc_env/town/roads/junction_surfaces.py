@@ -1,8 +1,6 @@
 """Surfaces of roads and junctions: lane strips, ends, skirts, corners.
 
 Junctions: one surface for all connecting roads, and the sidewalks round their corners.
-
-The surface of plain roads: exact lane strips with wheel tracks, ends and skirts.
 """
 
 import itertools

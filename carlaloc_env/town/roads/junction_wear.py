@@ -1,7 +1,5 @@
 """Covers, repairs and cracks of junctions and sidewalks.
 
-Covers, repairs and sealed cracks on the surface of junctions.
-
 Lids and mended places in sidewalks, as rare as on real ones.
 """
 

@@ -5,8 +5,6 @@ How rough a town's roads are: their classes of ISO 8608 by type, limit and zone,
 Fast roads: they are laid and kept better than streets.
 
 Where roads are felt as well as seen: covers, repairs, seams and joints of bridges, with their heights.
-
-The look of repairs of roads and of covers in them.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Bridges: decks, parapets, abutments, retaining walls and piers.
 
-Bridges: decks with their parapets, abutments, retaining walls and piers.
-
 Piers below decks, on columns that keep clear of what passes under them.
 
 Edges of raised roads: parapets, railings over water, and the faces of decks and walls below them.

@@ -2,8 +2,6 @@
 
 Steel rails beside fast roads and embankments, and concrete barriers on medians.
 
-Reflecting posts along country roads and motorways.
-
 Wire fences along motorways and fast country roads, which keep animals off them.
 """
 

@@ -4,8 +4,6 @@ State of vehicles and drivers: record arrays that compiled functions read and wr
 
 All have one row more than there are vehicles, N + 1: the last row is the ego.
 
-State of walkers, and vehicles as walkers see them.
-
 Requests of vehicles to enter junctions, and junction lanes that are held by those admitted.
 """
 

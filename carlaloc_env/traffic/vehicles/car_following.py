@@ -1,7 +1,5 @@
 """Car following and MOBIL, and the neighbours that both look at.
 
-Car following: the IDM+ law.
-
 IDM+ takes the smaller of free-road and interaction acceleration (Schakel, van Arem & Netten,
 "Effects of cooperative adaptive cruise control on traffic flow stability", ITSC 2010), so that
 the gap in equilibrium is exactly s0 + v·T. Only + − × ÷ and √ are used: equal bits on every CPU.
