@@ -16,7 +16,7 @@ from carlaloc_env.core.transforms import transform
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.timeline import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town

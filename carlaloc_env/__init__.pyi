@@ -42,7 +42,7 @@ from carlaloc_env.sensor_stage import SensorStage as SensorStage
 from carlaloc_env.sensors.base import Mount as Mount
 from carlaloc_env.sensors.base import Sensor as Sensor
 from carlaloc_env.sensors.base import SensorConfig as SensorConfig
-from carlaloc_env.sensors.camera import CameraConfig as CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig as CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig as GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig as ImuConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig as LidarConfig

@@ -20,7 +20,7 @@ from shared_fixtures.worlds.maps import VILLAGE
 from carlaloc_env.core.transforms import rpy_to_quat
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 from carlaloc_env.town.build import load_town

@@ -13,7 +13,8 @@ from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.clock import STEP_NS, TICK_S
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
+from carlaloc_env.sensors.camera import CameraSensor
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.event_camera.event_camera import EventCamera
 from carlaloc_env.sensors.event_camera.pixels import log_intensity
 from carlaloc_env.sensors.imaging.frame import FrameGeometry, Optics

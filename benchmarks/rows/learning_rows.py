@@ -26,7 +26,7 @@ from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 
 HUNDRED = "dynamic,vehicles=100,walkers=0"

@@ -18,9 +18,8 @@ from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig, ImagerConfig, ShutterConfig
 from carlaloc_env.sensors.gnss import GnssConfig
-from carlaloc_env.sensors.imaging.imager import ImagerConfig, ShutterConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from carlaloc_env.sensors.radar import RadarConfig

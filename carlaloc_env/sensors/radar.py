@@ -4,8 +4,6 @@ Rays find the surfaces in view; each represents a part of a radar cross-section.
 resolution cell add up, and the cell's echo fluctuates. Echoes above the detector's threshold are
 reported with the errors of their signal-to-noise ratio. One frame is one instant.
 
-Configuration of radars.
-
 A radar's detector: fluctuating echoes against a threshold, errors by their strength, false alarms.
 """
 

@@ -1,7 +1,7 @@
 """All kinds of sensors by the name they have in YAML files; a new sensor is one line here."""
 
 from carlaloc_env.sensors.base import SensorConfig
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig

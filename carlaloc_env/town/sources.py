@@ -8,7 +8,7 @@ from pathlib import Path
 
 from carlaloc_env.core.errors import MapError, is_name, unknown_name
 from carlaloc_env.core.files.array_cache import content_hash
-from carlaloc_env.town.opendrive.xml_document import MAP_SUFFIXES
+from carlaloc_env.town.opendrive.file_text import MAP_SUFFIXES
 
 NAME_LIMIT = 80
 """Longest name of a town that is called after its file; names of kept files hold more than it."""

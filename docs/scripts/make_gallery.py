@@ -19,7 +19,7 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.timeline import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.sources import known_towns

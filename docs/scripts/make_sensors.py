@@ -16,7 +16,7 @@ from carlaloc_env.core.files.config_files import to_mapping
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.rigs.presets import RIGS
 from carlaloc_env.rigs.rig import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
-from carlaloc_env.sensors.base import LIMITS, RATE, SENSORS_MAX, Mount, SensorConfig
+from carlaloc_env.sensors.base import LIMITS, RATE, SENSORS_MAX, Mount, Sensor, SensorConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 
 PAGE = Path(__file__).parents[1] / "sensors.md"
@@ -124,8 +124,7 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
     return "\n".join(
         [
             f"### {kind}\n\n{_doc(cls)}",
-            f"\n**Method.** {_doc(inspect.getmodule(type(sensor)))}\n",
-            f"{_doc(type(sensor))}\n",
+            f"\n**Method.** {_method(sensor)}\n",
             f"**Inputs.** {_inputs(sensor)}\n",
             "**Outputs.**\n",
             f"Source: [`{source}`](../{source}); frame `{config.frame_id}`, axes `{config.mount.axes}`; "
@@ -141,11 +140,27 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
     )
 
 
+def _method(sensor: Any) -> str:
+    """Docstrings of a sensor and, where it has a module of its own, of that."""
+    about = [] if _shares_its_module(sensor) else [_doc(inspect.getmodule(type(sensor)))]
+    return "\n\n".join([*about, _doc(type(sensor))])
+
+
+def _shares_its_module(sensor: Any) -> bool:
+    """Whether a module holds other sensors, too, so that its docstring is not about this one alone."""
+    module = inspect.getmodule(type(sensor))
+    classes = inspect.getmembers(module, lambda found: inspect.isclass(found) and issubclass(found, Sensor))
+    return sum(found.__module__ == type(sensor).__module__ for _, found in classes) > 1
+
+
 def _inputs(sensor: Any) -> str:
     """Inputs that a sensor reads from its world, found in the source of its module and parts."""
     module = Path(inspect.getfile(type(sensor)))
-    parts = sorted(module.parent.glob("*.py")) if module.stem == module.parent.name else []
-    source = "".join(path.read_text(encoding="utf-8") for path in (module, *parts))
+    is_folder = module.stem == module.parent.name
+    parts = module.parent.glob("*.py" if is_folder else f"{module.stem}*.py")
+    source = "".join(path.read_text(encoding="utf-8") for path in parts)
+    if _shares_its_module(sensor):
+        source = inspect.getsource(type(sensor))
     asked = (
         ("the ego's motion", "ego_motion(", "Snapshot.of("),
         ("wheels and pedals", "timeline.car", "Snapshot.of("),

@@ -14,8 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from carlaloc_env.core.errors import ConfigError, OutputError, UsageError
-from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file, check_output_folder
-from recorder.episode.writer import check_episode_output
+from carlaloc_env.core.files.output_paths import (
+    EPISODE_SUFFIX,
+    check_episode_output,
+    check_output_file,
+    check_output_folder,
+)
 
 if TYPE_CHECKING:
     from recorder.streaming.drive import DriveConfig

@@ -21,7 +21,7 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from recorder.bags import open_bag, refused_in_one_line

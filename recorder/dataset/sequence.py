@@ -17,7 +17,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.materials import DYNAMIC_TAGS
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from recorder.dataset.folder_readings import NEXT, FeedReadings, FolderReadings

@@ -1,20 +1,18 @@
-"""What every input device is: its interface, its name, and the commands that a driver can give.
+"""Input devices: their interface, their names, and the commands that a driver can give.
 
-Interface of input devices: they turn the view of a driver into controls, tick by tick.
-
-Names of input devices; imports next to nothing, so that a command can judge them before it loads more.
-
-Commands of a driver besides steering and pedals.
+It imports next to nothing, so that a command can judge names before it loads more.
 """
 
 from __future__ import annotations
 
 from enum import Enum
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
-from carlaloc_env.driving.road_ahead import DriverView
+
+if TYPE_CHECKING:
+    from carlaloc_env.driving.road_ahead import DriverView
 
 
 class Device(Protocol):

@@ -14,6 +14,7 @@ from typing import Any
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
 from carlaloc_env.core.files.array_cache import give_back_freed_memory
+from carlaloc_env.core.files.output_paths import check_episode_output, recording_path, repair_command
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
@@ -28,7 +29,6 @@ from recorder.drive.session import DriveSession
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
 from recorder.episode.messages import VIOLATIONS
 from recorder.episode.summary import driven_distance_m
-from recorder.episode.writer import check_episode_output, recording_path, repair_command
 from recorder.window.cockpit import WindowCockpit
 from recorder.window.start_screen import Opening
 

@@ -20,20 +20,19 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, atomic_write, check_output_file
+from carlaloc_env.core.files.output_paths import (
+    EPISODE_SUFFIX,
+    RECORDING_SUFFIX,
+    atomic_write,
+    check_output_file,
+    recording_path,
+)
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 from recorder.episode.mcap_container import Container, ContainerWriter, is_container, read_container
 from recorder.episode.messages import ACTORS, CONTROLS, EGO, EVENT, EgoRow, Event, actor_frames, unpack_actors
-from recorder.episode.writer import (
-    FLUSH_NS,
-    HEADER_RECORD,
-    RECORDING_SUFFIX,
-    EpisodeHeader,
-    EpisodeWriter,
-    recording_path,
-)
+from recorder.episode.writer import FLUSH_NS, HEADER_RECORD, EpisodeHeader, EpisodeWriter
 
 __all__ = [
     "RECORDING_SUFFIX",

@@ -16,7 +16,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Camera
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.ground_truth import objects_at, truth_at
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import without_movables

@@ -14,7 +14,7 @@ from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig, check_memory
 from carlaloc_env.samples import Events
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.sources import TownId

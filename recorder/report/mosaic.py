@@ -15,7 +15,7 @@ from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
 from carlaloc_env.scene.materials import DYNAMIC_TAGS, colourise
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import weather_by_name
 

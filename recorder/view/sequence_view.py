@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.transforms import quat_rotate
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.evaluate import PathErrors

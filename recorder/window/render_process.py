@@ -13,7 +13,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,12 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import CarlaLocError, RenderError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
-from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import Snapshot
+
+if TYPE_CHECKING:
+    # Drives without a window need no OpenGL.
+    from carlaloc_env.render.geometry.gbuffer import GBuffer
 
 SIZES_PX = tuple((16 * k, 9 * k) for k in (60, 54, 48, 44, 40, 36, 33, 30, 27, 25))
 """Width and height of live images before they are scaled to the window, largest first [px].
@@ -190,8 +193,6 @@ class RenderProcess(AbstractContextManager["RenderProcess"]):
 
 def _draw_images(pipe: Connection, memory: Any) -> None:
     """Draw what is ordered until the pipe breaks."""
-    # Here and not above: drives without a window need no OpenGL.
-
     # Ctrl-C is the parent's to answer: it ends the drive, closes the file and then the pipe.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError):

@@ -12,7 +12,7 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 
 SLOW = ("paper", "real", "flu", "dsec")
 """Rigs whose pictures take ten seconds and more here."""

@@ -20,7 +20,7 @@ from carlaloc_env.core.errors import ClosedError, ConfigError, RenderError
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 
 REST = np.array([0.0, -1.0], np.float32)

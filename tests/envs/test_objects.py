@@ -16,7 +16,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import ObjectList, PointCloud, SemanticImage
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 
 GO = np.array([0.0, 0.6], np.float32)

@@ -98,7 +98,7 @@ def test_too_little_room_is_told_after_the_first_unit_and_the_same_call_goes_on(
     full = shutil.disk_usage("/")._replace(free=1000)
     with monkeypatch.context() as patch:
         patch.setattr(shutil, "disk_usage", lambda _: full)
-        with pytest.raises(WriterError, match="1 parts are whole, and the same command goes on") as failure:
+        with pytest.raises(WriterError, match="1 parts are whole, and the same command resumes") as failure:
             make_dataset(config)
     told = re.search(r"the rest needs about (\S+) GB, and 0\.000 GB are free in", str(failure.value))
     spools = sum(file.stat().st_size for file in config.out.rglob("*.spool"))

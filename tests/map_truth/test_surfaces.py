@@ -198,7 +198,10 @@ def test_boxes_lean_as_their_road(scenery: Any) -> None:
     catalog = scenery.catalog(["car"])
     pitch, roll = 0.3, -0.2
     timeline = scenery.drive(
-        scenery.straight(), 0.1, catalog, lambda t: scenery.frame([[5.0, 5.0, 1.0]], [0.7], 0.0, pitch, roll)
+        scenery.straight(),
+        0.1,
+        catalog,
+        lambda t: scenery.frame([[5.0, 5.0, 1.0]], [0.7], pitch_rad=pitch, roll_rad=roll),
     )
     R = transforms.quat_to_matrix(transforms.rpy_to_quat(roll, -pitch, 0.7))
     local = np.random.default_rng(2).uniform([-2, -2, -1], [2, 2, 3], (2000, 3))

@@ -13,7 +13,7 @@ from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
 from recorder.laboratory.place_baselines import (
     Vlad,

@@ -96,7 +96,9 @@ def test_moving_turning_climbing_cars(
     def frame_at(t: float) -> Any:
         along = np.stack([np.cos(heading), np.sin(heading), 0 * heading], axis=-1)
         turned = transforms.wrap_angle(heading + rate * t)
-        return scenery.frame(start + (speed * t)[:, None] * along, turned, speed, pitch, roll)
+        return scenery.frame(
+            start + (speed * t)[:, None] * along, turned, speed, pitch_rad=pitch, roll_rad=roll
+        )
 
     catalog = scenery.catalog(["saloon"] * count)
     drive = scenery.drive(scenery.straight(ego_speed), 0.2, catalog, frame_at)

@@ -7,7 +7,7 @@ import pytest
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.cli.commands import replay as command
 from recorder.dataset.layout import FORMATS
 from recorder.replaying import sequence_writers

@@ -21,7 +21,7 @@ from carlaloc_env.rigs.presets import (
     wide_angle_lens,
 )
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imaging.imager import Imager
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame

@@ -19,7 +19,7 @@ from carlaloc_env.envs.base_env import Observer
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Mount, SensorConfig
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar.scan_pattern import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig

@@ -12,7 +12,7 @@ import pytest
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.dataset.readings import ImuSample, StereoPair
 from recorder.dataset.sequence import SlamSequence
 from recorder.slam.runners import orbslam3

@@ -174,7 +174,9 @@ def track_m(folder: Path, xodr: bytes, toml: str) -> Array:
 
 def test_the_driver_drives_as_in_a_mirror(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Along a street and round a corner, on smooth roads and without the driver's small errors."""
-    monkeypatch.setattr("recorder.devices.scripted.steering.rng", SimpleNamespace(stream=lambda *_: Steady()))
+    monkeypatch.setattr(
+        "recorder.devices.scripted.steering.clock", SimpleNamespace(stream=lambda *_: Steady())
+    )
     monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path / "cache"))
     toml = '[town]\nroad_roughness = 0\ndefault_zone = "rural"\n[route]\npoints = {}\n'
     points = [[1.6, -40.0], [1.6, 20.0], [158.4, 0.0]]

@@ -18,7 +18,7 @@ from recorder.cli.main import main
 from recorder.dataset.manifest import DatasetManifest
 
 ROOT = Path(__file__).parents[2]
-PARTS = (("README.md", "## A dataset\n"), ("docs/commands.md", "## On with a dataset\n"))
+PARTS = (("README.md", "## A dataset\n"), ("docs/commands.md", "## Using a dataset\n"))
 """Sections whose commands make up the journey."""
 TOWNS = {"Town01": "East", "Town07": "West"}
 """Towns of README, and the small ones that stand for them."""

@@ -16,25 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
+from carlaloc_env.sensors.camera_config import ImagerConfig, ShutterConfig, beginning_ns, rounded_up_ns
 from carlaloc_env.sensors.imaging.frame import Frame, FrameGeometry, FrameMotion, Optics, motion_between
-from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig, ShutterConfig, exposed, picked
+from carlaloc_env.sensors.imaging.imager import Imager, exposed, picked
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather
 
 S = TypeVar("S")
-
-
-def beginning_ns(stamp_ns: int, period_ns: int, restart_ns: int) -> int:
-    """Stamp of the state without history from which that at a stamp follows [ns].
-
-    Args:
-        stamp_ns: A multiple of the period [ns].
-        period_ns: Time between two states [ns].
-        restart_ns: States at its multiples do not depend on earlier ones [ns].
-    """
-    restarted_ns = (stamp_ns - period_ns) // restart_ns * restart_ns
-    return max(_up(restarted_ns, period_ns), 0)
 
 
 class Chain(Generic[S]):
@@ -95,7 +84,7 @@ class Chain(Generic[S]):
             next_ns = stamp_ns
         else:
             first_ns = beginning_ns(stamp_ns, self._period_ns, self._restart_ns)
-            oldest_ns = _up(timeline.start_ns, self._period_ns)
+            oldest_ns = rounded_up_ns(timeline.start_ns, self._period_ns)
             next_ns = stamp_ns if before_ns < oldest_ns else max(first_ns, oldest_ns)
         for at_ns in range(next_ns, stamp_ns + 1, self._period_ns):
             yield at_ns
@@ -107,10 +96,6 @@ class Chain(Generic[S]):
             return None
         of, held_key, held_ns, state = self._held
         return state if of() is timeline and held_key == key and held_ns == stamp_ns else None
-
-
-def _up(stamp_ns: int, period_ns: int) -> int:
-    return -(-stamp_ns // period_ns) * period_ns
 
 
 Draw = Callable[[int], tuple[Frame, ScenePoses]]

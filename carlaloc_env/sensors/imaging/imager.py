@@ -11,7 +11,6 @@ Each row has its own times of exposure; the light of a pixel is the mean over th
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,73 +18,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.jit import compiled, inlined, over_bands
+from carlaloc_env.sensors.camera_config import ImagerConfig
 from carlaloc_env.sensors.imaging.frame import FrameMotion
 from carlaloc_env.sensors.imaging.motion_field import source_of
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImagerConfig:
-    """A global-shutter imager with 3 µm pixels behind f/2.8, and its exposure control."""
-
-    exposure_min_ms: float = 0.05
-    """Shortest exposure [ms]."""
-    exposure_max_ms: float = 20.0
-    """Longest exposure [ms]; the control lengthens the exposure before it raises the gain."""
-    gain_max_db: float = 24.0
-    """Highest gain [dB]."""
-    target: float = 0.18
-    """Mean level that the control aims at, as a share of the largest number, before the tone curve."""
-    reaction_s: float = 0.3
-    """Time in which the control makes up 63 % of an error [s]."""
-    electrons_per_cd_m2_s: float = 2000.0
-    """Electrons in a pixel per luminance and time [e⁻/(cd/m²·s)]: 3 µm, f/2.8, 60 % quantum efficiency."""
-    full_well_e: float = 10000.0
-    """Electrons that give the largest number at 0 dB [e⁻]."""
-    read_noise_e: float = 3.0
-    """Standard deviation of reading a pixel [e⁻]."""
-    dark_signal_e: float = 1.0
-    """Standard deviation of the pixels' fixed offsets [e⁻] (DSNU)."""
-    response: float = 0.005
-    """Standard deviation of the pixels' fixed sensitivities, as a share (PRNU)."""
-    noise: bool = True
-    """Whether there is any noise."""
-    adc_bits: int = 12
-    """Bits of the converter."""
-    gamma: float = 2.2
-    """Exponent of the tone curve; 1 = linear."""
-    vignetting: float = 0.3
-    """Light lost at the farthest corner, as a share; it grows with the square of the distance."""
-    restart_s: float = 5.0
-    """The control begins anew, settled, at multiples of this time [s]."""
-
-    def __post_init__(self) -> None:
-        if not 0 < self.exposure_min_ms <= self.exposure_max_ms:
-            raise ConfigError("imager: exposure_min_ms must be above zero and not above exposure_max_ms")
-        if not 0 < self.target < 1 or not 8 <= self.adc_bits <= 16 or not 0 <= self.vignetting < 1:
-            ranges = "target must lie between 0 and 1, adc_bits from 8 to 16, vignetting from 0 to 1"
-            raise ConfigError(f"imager: {ranges}")
-        positive = (self.reaction_s, self.electrons_per_cd_m2_s, self.full_well_e, self.gamma, self.restart_s)
-        noises = (self.gain_max_db, self.read_noise_e, self.dark_signal_e, self.response)
-        if min(positive) <= 0 or min(noises) < 0:
-            raise ConfigError("imager: sizes and times must be above zero, noise and gain not below")
-
-    def settled(self, level_cd_m2: float) -> float:
-        """Exposure times gain [s] that brings a mean luminance [cd/m²] to the target, within limits."""
-        wanted = self.target * self.full_well_e / (self.electrons_per_cd_m2_s * max(level_cd_m2, 1e-6))
-        highest = 1e-3 * self.exposure_max_ms * 10 ** (self.gain_max_db / 20)
-        return float(min(max(wanted, 1e-3 * self.exposure_min_ms), highest))
-
-    def controlled(self, product_s: float, level_cd_m2: float, period_s: float) -> float:
-        """Exposure times gain [s] of the next picture: a first-order lag of its logarithm."""
-        share = 1.0 - math.exp(-period_s / self.reaction_s)
-        return float(product_s * (self.settled(level_cd_m2) / product_s) ** share)
-
-    def split(self, product_s: float) -> tuple[float, float]:
-        """Exposure [s] and gain (factor) of their product."""
-        exposure_s = min(product_s, 1e-3 * self.exposure_max_ms)
-        return exposure_s, product_s / exposure_s
 
 
 class Imager:
@@ -277,27 +213,3 @@ def _channel_between(image: Any, x: Any, y: Any, channel: int) -> Any:
     upper = image[j, i, channel] + a * (image[j, k, channel] - image[j, i, channel])
     lower = image[m, i, channel] + a * (image[m, k, channel] - image[m, i, channel])
     return upper + b * (lower - upper)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShutterConfig:
-    """When the rows of a picture gather light; the stamp is the middle of the middle row's exposure."""
-
-    motion_blur: bool = True
-    """Whether light is gathered during the exposure, or at its middle."""
-    readout_ms: float = 0.0
-    """Time from the first row's exposure to the last row's [ms]; 0 = global shutter."""
-
-    def __post_init__(self) -> None:
-        if self.readout_ms < 0:
-            raise ConfigError("shutter: readout_ms must not be negative")
-
-    def span_ns(self, exposure_max_ms: float) -> int:
-        """Time around the stamp in which any row may gather light [ns]."""
-        return round(1e6 * (self.readout_ms + (exposure_max_ms if self.motion_blur else 0.0)))
-
-    def rows_ns(self, stamp_ns: int, exposure_s: float, height: int) -> NDArray[np.float64]:
-        """Beginning and end of every row's light [ns], shape (H, 2)."""
-        middle = stamp_ns + 1e6 * self.readout_ms * (np.arange(height) / max(height - 1, 1) - 0.5)
-        half = 0.5e9 * exposure_s if self.motion_blur else 0.0
-        return np.stack([middle - half, middle + half], axis=-1)

@@ -31,7 +31,6 @@ from recorder.cli.arguments import (
 )
 from recorder.cli.terminal import Progress
 from recorder.devices.base import HUMAN, wants_window
-from recorder.drive.session import SLOW
 
 if TYPE_CHECKING:
     from recorder.window.start_screen import Opening
@@ -186,5 +185,7 @@ def show(result: dict[str, Any]) -> None:
             print(f"  photo: {path}")
         if result["stuck"]:
             print("  the car made no progress for five minutes; try another --seed or a longer --duration")
+        from recorder.drive.session import SLOW
+
         if result["slowest"] < SLOW:
             print(f"  this machine was slow: the world ran at {result['slowest']:.0%} at times")

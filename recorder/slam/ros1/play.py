@@ -5,7 +5,7 @@ play.py BAG OUT_BAG POSES PACE [--remap FROM=TO …] [--without LABEL …] [--pa
 
 Starts a master of its own, so that several runs share the machine, and the command (roslaunch, or a node),
 publishes the topics of the bag that it reads, and after each message on PACE waits for poses by the rule of
-`lock_step.py`. It ends when the node does, with the last line that the node printed. What it has started
+`feeding.py`. It ends when the node does, with the last line that the node printed. What it has started
 it leaves to `keeper.py`, under which it runs.
 
 Runs under the system's Python, which has Debian's ROS 1, and imports nothing of ours but what lies beside it.
@@ -33,13 +33,11 @@ except ImportError as missing:
     sys.exit(f"{sys.executable} has no {missing.name}; apt-get install ros-core python3-rosbag")
 
 if TYPE_CHECKING:
-    from recorder.slam.ros1.labels import UnlabelledError, without_labels
-    from recorder.slam.ros1.lock_step import LockStep, SilentError
+    from recorder.slam.ros1.feeding import LockStep, SilentError, UnlabelledError, without_labels
     from recorder.slam.ros1.node import GoneError, Node
 else:
     # Beside this file: the system's Python does not know our packages.
-    from labels import UnlabelledError, without_labels
-    from lock_step import LockStep, SilentError
+    from feeding import LockStep, SilentError, UnlabelledError, without_labels
     from node import GoneError, Node
 
 _START_LIMIT_S = 60.0

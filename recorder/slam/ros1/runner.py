@@ -35,7 +35,7 @@ class Ros1Node:
     every: int = 1
     """It gives a pose for one of so many messages, so that no more are expected of it."""
     patience_s: float = 2.0
-    """Rest after which no answer is expected any more [s], see `recorder.slam.ros1.lock_step`."""
+    """Rest after which no answer is expected any more [s], see `recorder.slam.ros1.feeding`."""
     silence_s: float = 60.0
     """Time without a pose after which it is ended [s]."""
 

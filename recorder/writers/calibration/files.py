@@ -12,7 +12,7 @@ from carlaloc_env.core.array_types import GRAVITY_MPS2, Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.samples import GnssFix, Image, Imu, PointCloud
-from recorder.writers import can_bus
+from recorder.writers import rig_calibration
 from recorder.writers.base import write_text
 from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, RigCalibration, filled
 from recorder.writers.topics import TopicProfile, profile_by_name
@@ -166,7 +166,7 @@ def _values(rig: RigCalibration, topics: TopicProfile) -> dict[str, Any]:
         "base_frame": BASE_FRAME,
         "inertial": False,
         "gravity_mps2": GRAVITY_MPS2,
-        "can_frames": can_bus.FRAMES,
+        "can_frames": rig_calibration.FRAMES,
         "image_topic": lambda camera: topics.topic(Image, camera.stream),
         "gnss_topic": topics.topic(GnssFix, "gnss"),
     }

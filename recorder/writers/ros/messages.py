@@ -12,7 +12,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.samples import CanState, GnssFix, Imu, ObjectList, Odometry, Sample, Speed, WheelTicks
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.timeline.vehicle_track import WHEELS
-from recorder.writers import can_bus
+from recorder.writers import rig_calibration
 from recorder.writers.base import grey
 from recorder.writers.ros import sensor_messages
 from recorder.writers.ros.message_parts import Message, MessageParts
@@ -86,7 +86,7 @@ def can_frame(frame: str) -> Callable[[MessageParts, Message, Any], Message]:
     """Function that makes a kind of CAN frame."""
 
     def make(maker: MessageParts, header: Message, sample: CanState) -> Message:
-        identifier, data = can_bus.encode(frame, sample)
+        identifier, data = rig_calibration.encode(frame, sample)
         return maker.new(
             "can_msgs/Frame",
             header=header,

@@ -18,7 +18,8 @@ from carlaloc_env.samples import DepthImage, Image, SemanticImage
 from carlaloc_env.scene.materials import TO_LEGACY, Material, SignalLenses, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
+from carlaloc_env.sensors.camera import CameraSensor
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import PRESETS

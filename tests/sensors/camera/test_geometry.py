@@ -15,7 +15,7 @@ from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline
 
 need_opengl()

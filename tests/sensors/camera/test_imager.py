@@ -14,9 +14,9 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig, ImagerConfig, ShutterConfig
 from carlaloc_env.sensors.imaging.frame import FrameMotion, passing_surfaces
-from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig, ShutterConfig, exposed, picked
+from carlaloc_env.sensors.imaging.imager import Imager, exposed, picked
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 from carlaloc_env.weather.parameters import PRESETS
 

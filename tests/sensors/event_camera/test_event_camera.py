@@ -13,8 +13,7 @@ from carlaloc_env.envs.base_env import Observer
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.event_camera.event_camera import EventConfig
+from carlaloc_env.sensors.camera_config import CameraConfig, EventConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import PRESETS
 from carlaloc_env.weather.schedule import WeatherSchedule

@@ -7,7 +7,7 @@ from shared_fixtures.processes.made_once import made_once
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.drive.record import RecordConfig, record
 
 CALM = "dynamic,vehicles=50,walkers=10"

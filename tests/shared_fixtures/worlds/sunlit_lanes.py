@@ -13,7 +13,7 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Instances, merge
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import PRESETS
 

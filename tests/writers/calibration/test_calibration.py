@@ -218,7 +218,7 @@ def test_reals_are_reals_to_both_parsers(tmp_path: Path, value: float) -> None:
 
 
 def test_rig_from_sensor_configurations() -> None:
-    from carlaloc_env.sensors.camera import CameraConfig
+    from carlaloc_env.sensors.camera_config import CameraConfig
     from carlaloc_env.sensors.gnss import GnssConfig
     from carlaloc_env.sensors.imu import ImuConfig
     from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig

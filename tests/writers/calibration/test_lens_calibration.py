@@ -18,7 +18,7 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.weather.parameters import PRESETS
 from recorder.writers.calibration.files import write_calibration

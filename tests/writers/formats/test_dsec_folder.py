@@ -10,7 +10,7 @@ from shared_fixtures.readings.bag_samples import batch_of, write_all
 
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, DepthImage, Sample
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.dataset.layout import SequenceFolder
 from recorder.replaying.conditions import Recipe
 from recorder.replaying.sequence_writers import outputs_of

@@ -10,8 +10,7 @@ from rosbags.typesys import Stores
 from shared_fixtures.readings.bag_samples import imu, truth
 
 from carlaloc_env.samples import CanState, GnssFix, ObjectList, RadarScan, Sample, SemanticImage, WheelTicks
-from recorder.writers.can_bus import FRAMES
-from recorder.writers.rig_calibration import filled
+from recorder.writers.rig_calibration import FRAMES, filled
 from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
 from recorder.writers.topics import PROFILES, STANDARD
