@@ -26,7 +26,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.raycast import Hits, RayScene
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import weather_by_name

@@ -24,7 +24,7 @@ from carlaloc_env.envs.task.agent_views import agent_view, rig_of
 from carlaloc_env.envs.task.episode_start import EpisodeStart, route_of
 from carlaloc_env.envs.task.referee import COSTS, Referee, TaskConfig, Verdict
 from carlaloc_env.physics.actor_pool import Contact
-from carlaloc_env.render.qualities import check_quality
+from carlaloc_env.render.views import check_quality
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample, SampleList
 from carlaloc_env.sensor_stage import SensorStage

@@ -19,9 +19,9 @@ from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.geometry.gbuffer import CameraView
 from carlaloc_env.render.lighting.light_sources import LAMP_LEAST_M, Lights, batwing_gain, range_window
 from carlaloc_env.render.lighting.light_table import low_beam
+from carlaloc_env.render.views import CameraView
 from carlaloc_env.weather.parameters import WeatherParameters
 
 _FORWARD = 0.85

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.render.geometry.gbuffer import CameraView
 from carlaloc_env.render.lighting.night_lighting import UNSEEN_NOISE
 from carlaloc_env.render.lighting.shading_passes import TONE_ROOM, TONE_SHOULDER
 from carlaloc_env.render.rain_drops import Streaks
 from carlaloc_env.render.streak_kernels import noticeable, over_codes, over_light, streak_pixels
+from carlaloc_env.render.views import CameraView
 
 UNSEEN_STEP = 0.25
 """Largest change that stays invisible [steps of 8 bits]."""

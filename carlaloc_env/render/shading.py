@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.render.geometry.gbuffer import CameraView, GBuffer, Targets
+from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
 from carlaloc_env.render.geometry.geometry_pass import Casters
 from carlaloc_env.render.geometry.static_scene import StaticScene
 from carlaloc_env.render.gl_context import Programs, set_uniforms
@@ -32,6 +32,7 @@ from carlaloc_env.render.lighting.uniforms import (
 )
 from carlaloc_env.render.rain_drops import Streaks, lit, rain_streaks
 from carlaloc_env.render.rain_layer import RainLayer
+from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
 

@@ -21,8 +21,7 @@ from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig, ImagerConfig, ShutterConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
-from carlaloc_env.sensors.radar import RadarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig, RadarConfig
 from carlaloc_env.sensors.vehicle import CanConfig, SpeedConfig, WheelsConfig
 
 SNR_MAX_DB, DYNAMIC_RANGE_DB, ADC_BITS, PIXEL_UM = 40.2, 71.4, 12, 3.45

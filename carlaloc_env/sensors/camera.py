@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.clock import TICK_NS
-from carlaloc_env.render.geometry.gbuffer import FAR_M
+from carlaloc_env.render.views import FAR_M
 from carlaloc_env.samples import (
     DepthImage,
     Events,

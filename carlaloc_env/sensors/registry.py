@@ -4,8 +4,7 @@ from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
-from carlaloc_env.sensors.radar import RadarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig, RadarConfig
 from carlaloc_env.sensors.vehicle import CanConfig, SpeedConfig, WheelsConfig
 
 SENSOR_KINDS: dict[str, type[SensorConfig]] = {

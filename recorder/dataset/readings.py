@@ -23,7 +23,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig
 from recorder.bags import open_bag, refused_in_one_line
 from recorder.writers.topics import TopicProfile
 

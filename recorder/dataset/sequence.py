@@ -19,7 +19,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.materials import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig
 from recorder.dataset.folder_readings import NEXT, FeedReadings, FolderReadings
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription

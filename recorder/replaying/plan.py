@@ -10,12 +10,12 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.faults.faults import Faults
-from carlaloc_env.render.qualities import check_quality
+from carlaloc_env.render.views import check_quality
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig, check_memory
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.sources import TownId
 from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats

@@ -23,8 +23,8 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError, is_name
 from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, apply, from_rotation, invert
-from carlaloc_env.render.geometry.gbuffer import FAR_M
 from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.render.views import FAR_M
 from carlaloc_env.scene.mesh import Instances, ModelLibrary
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame

@@ -21,7 +21,7 @@ from carlaloc_env.envs.task.referee import TERMS
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig
 
 GO = np.array([0.0, 0.4], np.float32)
 FEW = "dynamic,vehicles=3,walkers=0"

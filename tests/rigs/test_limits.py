@@ -15,7 +15,7 @@ from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig, available_bytes, check_memory, estimated_bytes
 from carlaloc_env.sensors.base import LIMITS, SENSORS_MAX
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.sensors.vehicle import SpeedConfig
 

@@ -20,7 +20,7 @@ import carlaloc_env
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from recorder.episode.episode import Episode

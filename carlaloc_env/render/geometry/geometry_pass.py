@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.files.array_cache import give_back_mapped_pages
-from carlaloc_env.render.geometry.gbuffer import FAR_M, NEAR_M, SKY_ID, CameraView, Targets
+from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
 from carlaloc_env.render.geometry.level_of_detail import (
     FAR,
     FAR_LOW,
@@ -29,6 +29,7 @@ from carlaloc_env.render.geometry.packed_meshes import (
 from carlaloc_env.render.geometry.static_scene import LEVEL_FROM, StaticScene, mesh_boxes
 from carlaloc_env.render.geometry.triangle_culling import TriangleCuller
 from carlaloc_env.render.gl_context import Programs, is_software, set_uniforms
+from carlaloc_env.render.views import FAR_M, NEAR_M, CameraView
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 

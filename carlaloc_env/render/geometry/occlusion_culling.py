@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.render.geometry.gbuffer import NEAR_M, CameraView
+from carlaloc_env.render.views import NEAR_M, CameraView
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 
 TILE_PX = 4

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.files.array_cache import Arrays, give_back_freed_memory, give_back_mapped_pages
-from carlaloc_env.render.geometry.gbuffer import CameraView
 from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse, cut, in_order
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.packed_meshes import PACKED, kept, packed, seen_from_front
+from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import material_values
 from carlaloc_env.scene.mesh import Mesh, merge
 

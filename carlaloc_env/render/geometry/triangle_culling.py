@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32, Array
 from carlaloc_env.core.jit import compiled, inlined
-from carlaloc_env.render.geometry.gbuffer import NEAR_M, CameraView
 from carlaloc_env.render.geometry.occlusion_culling import Depths
+from carlaloc_env.render.views import NEAR_M, CameraView
 
 SNAP_PX = 0.03
 """How far a corner may lie from where it is computed here, since drivers snap to fractions of a pixel."""

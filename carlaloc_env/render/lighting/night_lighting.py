@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.geometry.gbuffer import CameraView, GBuffer
+from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.render.gl_context import set_uniforms
 from carlaloc_env.render.lighting.light_sources import (
     Emitters,
@@ -36,6 +36,7 @@ from carlaloc_env.render.lighting.light_tiles import (
 )
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons
 from carlaloc_env.render.lighting.uniforms import FOG_FLOOR_M, Scene
+from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.mesh import ModelLibrary
 
 GLOW_CUTOFF = 0.004

@@ -15,7 +15,7 @@ import moderngl
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carlaloc_env.render.geometry.gbuffer import CameraView, GBuffer
+from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.render.geometry.packed_meshes import LOG_SCALE
 from carlaloc_env.render.gl_context import Programs, glsl
 from carlaloc_env.render.lighting.light_sources import LAMP_COLOUR, LAMP_LEAST_M
@@ -31,6 +31,7 @@ from carlaloc_env.render.lighting.light_table import (
 from carlaloc_env.render.lighting.light_tiles import RETROREFLECTION, TILE_PX, TileGroups
 from carlaloc_env.render.lighting.night_lighting import SKY_M
 from carlaloc_env.render.lighting.uniforms import FOG_FLOOR_M
+from carlaloc_env.render.views import CameraView
 
 _SKY_FEATURES = ("TILES", "NIGHT", "LINEAR", "GLOWS")
 """Features that the sky's program has."""

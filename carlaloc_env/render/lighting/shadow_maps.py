@@ -10,10 +10,10 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.geometry.gbuffer import CameraView
 from carlaloc_env.render.geometry.geometry_pass import Casters
 from carlaloc_env.render.geometry.static_scene import StaticScene
 from carlaloc_env.render.gl_context import Programs, set_uniforms
+from carlaloc_env.render.views import CameraView
 
 STATIC_SIZE_PX = 4096
 """Edge of the static map [px]."""

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.render.geometry.gbuffer import CameraView, GBuffer, Targets
+from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
 from carlaloc_env.render.geometry.static_scene import StaticScene
 from carlaloc_env.render.gl_context import Programs, is_software, set_uniforms
 from carlaloc_env.render.lighting.shadow_maps import STATIC_EXTENT_M, ShadowMap
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, SkyLight, electrons, sky_light
+from carlaloc_env.render.views import CameraView
 from carlaloc_env.weather.parameters import WeatherParameters
 
 SIZE_PX = 1024

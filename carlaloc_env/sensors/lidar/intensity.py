@@ -21,7 +21,7 @@ from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS, Atmosphere, DropE
 from carlaloc_env.sensors.lidar.kernels import strengths
 
 if TYPE_CHECKING:
-    from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+    from carlaloc_env.sensors.ranging_config import LidarConfig
 
 BEAM_MRAD = 3.0
 """Width of a beam whose divergence is not given [mrad] (HDL-32E: 2.79 × 1.4)."""

@@ -12,8 +12,8 @@ from xml.parsers import expat
 from lxml import etree
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.town.opendrive.file_text import decoded, read_bytes
 from carlaloc_env.town.opendrive.records import Note, Severity
+from carlaloc_env.town.sources import decoded, read_bytes
 
 VALUE_LIMIT = 1.0e6
 """Coordinates and lengths beyond this are refused [m]."""

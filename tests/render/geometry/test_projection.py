@@ -19,8 +19,8 @@ from shared_fixtures.worlds.render_scenes import (
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.geometry.gbuffer import CameraView
 from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh, merge
 

@@ -19,7 +19,6 @@ from shared_fixtures.worlds.render_scenes import (
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.geometry.gbuffer import CameraView
 from carlaloc_env.render.lighting.light_sources import (
     BEAM_RANGE_M,
     HEADLAMP_COLOUR,
@@ -30,6 +29,7 @@ from carlaloc_env.render.lighting.light_sources import (
 )
 from carlaloc_env.render.lighting.light_tiles import TILE_PX, DepthRange
 from carlaloc_env.render.lighting.night_lighting import LOOPS, Fog, light_grid
+from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters

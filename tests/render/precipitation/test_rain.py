@@ -11,7 +11,6 @@ from shared_fixtures.worlds.render_scenes import FORWARD as AHEAD
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.geometry.gbuffer import CameraView
 from carlaloc_env.render.lighting.light_sources import (
     LAMP_LEAST_M,
     NO_LIGHTS,
@@ -24,6 +23,7 @@ from carlaloc_env.render.lighting.light_table import low_beam_cd
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.rain_drops import NEAR_M, SIZES_MM, Streaks, lit, rain_streaks, terminal_mps
 from carlaloc_env.render.rain_layer import RainLayer
+from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensors.imaging.frame import with_lens_drops

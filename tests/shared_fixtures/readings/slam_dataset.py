@@ -13,7 +13,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig
 from recorder.dataset.layout import SequenceFolder, write_checksums
 from recorder.dataset.manifest import SequenceDescription, write_manifest
 from recorder.evaluation.trajectory import Trajectory

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
-from carlaloc_env.render.geometry.gbuffer import FAR_M, NEAR_M, CameraView
+from carlaloc_env.render.views import FAR_M, NEAR_M, CameraView
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.town import Town
 

@@ -6,10 +6,11 @@ from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, need_opengl, rays_z1, scene, standing
 
 from carlaloc_env.core import transforms
-from carlaloc_env.render.geometry.gbuffer import NEAR_M, CameraView, GBuffer
+from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.occlusion_culling import Depths
 from carlaloc_env.render.geometry.triangle_culling import STILL, Body, TriangleCuller
+from carlaloc_env.render.views import NEAR_M, CameraView
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.weather.parameters import PRESETS

@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.geometry.gbuffer import CameraView
 from carlaloc_env.render.rain_drops import Streaks
 from carlaloc_env.render.rain_layer import RainLayer, developed
 from carlaloc_env.render.streak_kernels import THINNEST_PX
+from carlaloc_env.render.views import CameraView
 
 CAMERA = Pinhole(width_px=160, height_px=90, fx_px=80.0, fy_px=80.0, cx_px=80.0, cy_px=45.0)
 VIEW = CameraView.of(CAMERA, transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 0.0)))

@@ -1,0 +1,227 @@
+"""Settings of LiDARs and radars, and the beams of LiDARs that have a name.
+
+Light, so that a rig can be read before a scene for rays is loaded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.scene.materials import TAG_TABLES
+from carlaloc_env.sensors.base import Mount, SensorConfig
+
+PAPER_ELEVATIONS_DEG: tuple[float, ...] = tuple(round(-30.0 + 40.0 * i / 31, 9) for i in range(32))
+"""32 beams evenly from −30° to +10°, as CARLA's LiDAR spaces them [deg]."""
+
+
+HDL32E_ELEVATIONS_DEG: tuple[float, ...] = (
+    -30.67, -29.33, -28.0, -26.67, -25.33, -24.0, -22.67, -21.33, -20.0, -18.67, -17.33, -16.0, -14.67,
+    -13.33, -12.0, -10.67, -9.33, -8.0, -6.67, -5.33, -4.0, -2.67, -1.33, 0.0, 1.33, 2.67, 4.0, 5.33,
+    6.67, 8.0, 9.33, 10.67,
+)  # fmt: skip
+"""Beams of the Velodyne HDL-32E [deg]; user manual, page 13."""
+
+
+HDL32E_FIRING_NS: tuple[int, ...] = tuple(1152 * (2 * r if r < 16 else 2 * (r - 16) + 1) for r in range(32))
+"""When each beam of the HDL-32E fires in its 46.08 µs cycle [ns]: lower and upper bank alternate."""
+
+
+OUTPUTS = ("cloud", "semantic")
+"""Streams that a LiDAR can give."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LidarConfig(SensorConfig):
+    """A spinning LiDAR; the defaults are the CARLA-Loc paper's.
+
+    ``preset: hdl32e`` has the angles, firing order and timing of the Velodyne HDL-32E, its elevations
+    0.02° higher so that none lies on the edge of A-LOAM's ring bins.
+    """
+
+    kind: ClassVar[str] = "lidar"
+    sensor: ClassVar[str] = "carlaloc_env.sensors.lidar.lidar:LidarSensor"
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "paper": {},
+        "hdl32e": {
+            "elevations_deg": HDL32E_ELEVATIONS_DEG,
+            "elevation_offset_deg": 0.02,
+            "firing_ns": HDL32E_FIRING_NS,
+            "columns": 1085,
+        },
+    }
+
+    name: str = "lidar"
+    """Name of the sensor, its first stream and its frame."""
+    mount: Mount = field(default_factory=Mount)
+    """Where it sits on the car."""
+    rate_hz: float = 20.0
+    """Revolutions per second [Hz]."""
+    elevations_deg: tuple[float, ...] = PAPER_ELEVATIONS_DEG
+    """Elevation of each beam, lowest first [deg]."""
+    elevation_offset_deg: float = 0.0
+    """Added to every elevation [deg]; +0.02 keeps A-LOAM's ring formula off its bin edges."""
+    firing_ns: tuple[int, ...] = ()
+    """When each beam fires after its column began [ns]; none = all at once."""
+    columns: int = 2078
+    """Firings of all beams in one revolution."""
+    range_min_m: float = 1.0
+    """Nearest return [m]."""
+    range_max_m: float = 120.0
+    """Farthest return [m]."""
+    range_noise_m: float = 0.02
+    """Standard deviation along the ray [m]."""
+    attenuation_per_m: float = 0.004
+    """Loss of intensity over distance, exp(−a·R) [1/m]; CARLA's default."""
+    drop_weak: bool = False
+    """Whether surfaces too dark for their distance give no return."""
+    sectors: int = 0
+    """Parts of a revolution, each measured at one instant, 10 = CARLA at 200 Hz; 0: one time per column."""
+    divergence_mrad: float = 0.0
+    """Width of the beam [mrad]; above 0 five rays per beam are weighed, which mixes near edges."""
+    dropoff_general: float = 0.0
+    """Fraction of points lost at random, as CARLA's, 0.45 = its default."""
+    dropoff_intensity_limit: float = 0.8
+    """Intensity exp(−a·R) above which no point is lost for weakness, 1 = at the sensor."""
+    dropoff_zero_intensity: float = 0.0
+    """Fraction of points of no intensity that are lost, as CARLA's, 0.4 = its default."""
+    weather: bool = False
+    """Whether fog, rain, spray and wet ground have effect; weak returns are dropped then."""
+    ego_returns: bool = False
+    """Whether hits on the ego's own body are reported; they always throw a shadow."""
+    outputs: tuple[str, ...] = OUTPUTS
+    """Streams: ``cloud`` (named as the sensor) and ``semantic`` (with ``_semantic`` behind)."""
+    tag_table: str = TAG_TABLES[0]
+    """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
+
+    def __post_init__(self) -> None:
+        SensorConfig.__post_init__(self)
+        what = f"LiDAR '{self.name}'"
+        if self.tag_table not in TAG_TABLES:
+            raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
+        if not self.elevations_deg or any(abs(e) > 90 for e in self.elevations_deg):
+            raise ConfigError(f"{what}: elevations_deg needs angles from −90 to 90")
+        if list(self.elevations_deg) != sorted(self.elevations_deg):
+            raise ConfigError(f"{what}: list elevations_deg from the lowest to the highest")
+        if self.firing_ns and len(self.firing_ns) != len(self.elevations_deg):
+            raise ConfigError(f"{what}: {len(self.firing_ns)} firing_ns for {len(self.elevations_deg)} beams")
+        column_ns = 1e9 / (self.rate_hz * max(self.columns, 1))
+        if self.firing_ns and not 0 <= min(self.firing_ns) <= max(self.firing_ns) < column_ns:
+            raise ConfigError(f"{what}: firing_ns must lie within one column")
+        if self.columns < 1 or not 0 <= self.range_min_m < self.range_max_m or self.range_noise_m < 0:
+            raise ConfigError(f"{what}: needs columns ≥ 1, 0 ≤ range_min_m < range_max_m, range_noise_m ≥ 0")
+        fractions = (self.dropoff_general, self.dropoff_intensity_limit, self.dropoff_zero_intensity)
+        if not all(0.0 <= fraction <= 1.0 for fraction in fractions) or self.dropoff_intensity_limit == 0.0:
+            raise ConfigError(f"{what}: drop-off figures must lie in 0…1, the intensity limit above 0")
+        if self.sectors < 0 or self.divergence_mrad < 0:
+            raise ConfigError(f"{what}: sectors and divergence_mrad must not be negative")
+        if not self.outputs or set(self.outputs) - set(OUTPUTS):
+            raise ConfigError(f"{what}: outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}")
+
+    @property
+    def sweep_ns(self) -> int:
+        """Length of a revolution [ns]."""
+        return round(1e9 / self.rate_hz)
+
+    @property
+    def rays(self) -> int:
+        """Rays in one revolution, the most points a cloud can have."""
+        return self.columns * len(self.elevations_deg)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadarConfig(SensorConfig):
+    """A 4-D imaging radar; range, field of view and rate are the CARLA-Loc paper's (Oculii Falcon).
+
+    Resolutions are those usual for 4-D radars of its kind; the paper does not print them.
+    """
+
+    kind: ClassVar[str] = "radar"
+    sensor: ClassVar[str] = "carlaloc_env.sensors.radar:RadarSensor"
+
+    name: str = "front"
+    """Name of the radar; its stream and its frame are ``radar_<name>``."""
+    mount: Mount = field(default_factory=Mount)
+    """Where it sits on the car; it looks along its x axis."""
+    rate_hz: float = 20.0
+    """Frames per second [Hz]."""
+    range_min_m: float = 1.0
+    """Nearest detection [m]."""
+    range_max_m: float = 200.0
+    """Farthest detection [m]."""
+    azimuth_fov_deg: float = 120.0
+    """Width of the field of view [deg]."""
+    elevation_fov_deg: float = 30.0
+    """Height of the field of view [deg]."""
+    range_resolution_m: float = 0.5
+    """Size of a range cell [m]."""
+    azimuth_resolution_deg: float = 1.5
+    """Size of an azimuth cell [deg]."""
+    elevation_resolution_deg: float = 2.0
+    """Size of an elevation cell [deg]."""
+    doppler_resolution_mps: float = 0.2
+    """Size of a Doppler cell [m/s]."""
+    reference_range_m: float = 100.0
+    """Distance at which a target of 0 dBsm is detected with `reference_pd` [m]."""
+    reference_pd: float = 0.9
+    """Probability of detection at the reference, 0.9 = nine frames in ten."""
+    pfa: float = 1e-6
+    """Probability of a false alarm in one cell; sets the threshold, 1e-6 = −ln(1e-6) = 11.4 dB."""
+    clutter_mean: float = 4.0
+    """Mean number of false detections in a frame, Poisson distributed, 4 = 1.6 % of 250."""
+    ghosts: bool = True
+    """Whether mirror images of road users in walls, rails and the road are seen."""
+    reflection_loss_db: float = 7.0
+    """Loss of a wall's or rail's reflection, each way [dB]; the road's is 5 dB more."""
+    edge_loss_db: float = 6.0
+    """Two-way loss at the edges of the field of view [dB]."""
+    columns: int = 160
+    """Rays across the field of view with which scenery is sought."""
+    rows: int = 24
+    """Rays over its height."""
+    rays_per_actor: int = 24
+    """Rays aimed at each actor in view."""
+    detections_max: int = 500
+    """Most detections of a frame; the weakest are left out."""
+    weather: bool = False
+    """Whether rain weakens echoes (ITU-R P.838-3)."""
+
+    def __post_init__(self) -> None:
+        SensorConfig.__post_init__(self)
+        what = f"radar '{self.name}'"
+        if not 0 < self.range_min_m < self.range_max_m or min(self.cell) <= 0:
+            raise ConfigError(f"{what}: needs 0 < range_min_m < range_max_m and resolutions > 0")
+        if not (0 < self.azimuth_fov_deg <= 180 and 0 < self.elevation_fov_deg <= 90):
+            raise ConfigError(f"{what}: azimuth_fov_deg must lie in 0…180, elevation_fov_deg in 0…90")
+        if not (0 < self.pfa < self.reference_pd < 1):
+            raise ConfigError(f"{what}: needs 0 < pfa < reference_pd < 1")
+        if min(self.columns, self.rows, self.rays_per_actor, self.detections_max) < 1:
+            raise ConfigError(f"{what}: columns, rows, rays_per_actor and detections_max must be at least 1")
+        if self.clutter_mean < 0:
+            raise ConfigError(f"{what}: clutter_mean {self.clutter_mean}; give a number ≥ 0")
+
+    @property
+    def half_fov_rad(self) -> tuple[float, float]:
+        """Half the width and half the height of the field of view [rad]."""
+        return 0.5 * math.radians(self.azimuth_fov_deg), 0.5 * math.radians(self.elevation_fov_deg)
+
+    @property
+    def cell(self) -> tuple[float, float, float, float]:
+        """Sizes of a cell in range [m], azimuth and elevation [rad], and Doppler [m/s]."""
+        azimuth, elevation = (
+            math.radians(deg) for deg in (self.azimuth_resolution_deg, self.elevation_resolution_deg)
+        )
+        return self.range_resolution_m, azimuth, elevation, self.doppler_resolution_mps
+
+    @property
+    def stream(self) -> str:
+        """Name of the stream."""
+        return f"radar_{self.name}"
+
+    @property
+    def frame_id(self) -> str:
+        """Name of the radar's frame."""
+        return self.stream
