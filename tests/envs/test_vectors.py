@@ -1,5 +1,9 @@
 """Many environments side by side: every way of resetting, equal seeds, normalised rewards."""
 
+import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +15,57 @@ from shared_fixtures.drives.straight_drives import MakeEnv
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env.weather.schedule import weather_of
+
+try:
+    import tomllib
+except ModuleNotFoundError:
+    import tomli as tomllib
 
 GO = np.array([0.05, 0.4], np.float32)
+ROOT = Path(__file__).parents[2]
+CHILDREN = """
+import functools, multiprocessing, sys
+import gymnasium
+from gymnasium.vector import AsyncVectorEnv
+
+def make(map):
+    return gymnasium.make("CarlaLoc-v0", map=map, rig="state", traffic="empty")
+
+def knows(pipe, depth):
+    if depth == 0:
+        pipe.send("CarlaLoc-Town01-v0" in gymnasium.registry)
+    else:
+        start(pipe, depth)
+
+def start(pipe, depth):
+    child = multiprocessing.get_context(sys.argv[1]).Process(target=knows, args=(pipe, depth - 1))
+    child.start()
+    child.join()
+
+if __name__ == "__main__":
+    import carlaloc_env
+    ours, theirs = multiprocessing.Pipe()
+    for depth in (1, 2):
+        start(theirs, depth)
+        print(ours.poll() and ours.recv())
+    envs = AsyncVectorEnv([functools.partial(make, sys.argv[2])], context=sys.argv[1])
+    print(envs.reset(seed=1)[0] in envs.observation_space)
+    envs.close()
+"""
+"""Children and grandchildren of a program in whose main block alone the package is imported."""
+PLUGIN = """
+import sys, warnings
+from importlib.metadata import entry_points
+import gymnasium
+warnings.simplefilter("error")
+(found,) = [one for one in entry_points(group="gymnasium.envs") if one.value.startswith("carlaloc_env")]
+assert "carlaloc_env" not in sys.modules and found.name == "__root__"
+for _ in range(2):
+    found.load()()
+print(*sorted(name for name in gymnasium.registry if name.startswith("CarlaLoc-")))
+"""
+"""Gymnasium's loader of plugins, which its versions 0.26 to 0.29 have; the second call must not warn."""
 STEPS = 4
 """Length of an episode of 0.2 s."""
 
@@ -81,6 +134,54 @@ def test_workers_drive_what_one_process_does(straight_map: Path) -> None:
         runs.append([first, *(envs.step(np.array([GO, GO]))[0] for _ in range(2 * STEPS))])
         envs.close()
     np.testing.assert_array_equal(*runs)
+
+
+@pytest.mark.parametrize("context", ["spawn", "forkserver"])
+def test_new_processes_know_the_environments_of_their_parent(
+    context: str, straight_map: Path, tmp_path: Path
+) -> None:
+    program = tmp_path / "children.py"
+    program.write_text(CHILDREN)
+    command = [sys.executable, str(program), context, str(straight_map)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == ["True"] * 3, done.stderr
+
+
+def test_the_entry_point_registers_all_environments_once(tmp_path: Path) -> None:
+    """By metadata made from pyproject.toml: those that are installed may be of an older version."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    (row,) = project["entry-points"]["gymnasium.envs"].items()
+    metadata = tmp_path / "carlaloc_env-9.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 9\n")
+    (metadata / "entry_points.txt").write_text("[gymnasium.envs]\n{} = {}\n".format(*row))
+    path = {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    command = [sys.executable, "-c", PLUGIN]
+    done = subprocess.run(command, env=os.environ | path, capture_output=True, text=True, check=False)
+    expected = sorted(name for name in gymnasium.registry if name.startswith("CarlaLoc-"))
+    assert done.stdout.split() == expected, done.stderr
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_options_last_an_episode_and_info_names_the_one_that_runs(
+    mode: AutoresetMode, straight_map: Path
+) -> None:
+    """Traffic of two kinds beside each other: one a text, one a number."""
+    envs = _vector(straight_map, mode)
+    asked = {"weather": "RainyNight", "traffic": "empty", "spawn": (20.0, -1.75), "goal": (120.0, -1.75)}
+    _, first = envs.reset(seed=[7, 8], options=asked)
+    _, *_, step = envs.step(np.array([GO, GO]))
+    for info in (first, step):
+        assert info["weather"].tolist() == ["RainyNight"] * 2
+        assert info["traffic"].tolist() == ["empty"] * 2
+        assert [json.loads(text) for text in info["route"]] == [[[20.0, -1.75], [120.0, -1.75]]] * 2
+    for _ in range(STEPS):
+        *_, info = envs.step(np.array([GO, GO]))
+    named = {name: info[name].tolist() for name in ("town", "weather", "traffic", "route")}
+    expected = {"town": str(straight_map), "weather": "ClearNoon", "traffic": "0.5", "route": "town"}
+    assert named == {name: [text] * 2 for name, text in expected.items()}
+    assert all(env.unwrapped.weather == weather_of("ClearNoon") for env in envs.envs)
+    envs.close()
 
 
 def test_stable_baselines_normalises_and_learns(straight_map: Path, tmp_path: Path) -> None:
