@@ -4,7 +4,9 @@ Importing the package registers its Gymnasium environments and starts nothing; i
 (docs/api.md) are loaded when they are asked for.
 """
 
-from gymnasium.envs.registration import register
+from multiprocessing import current_process
+
+from gymnasium.envs.registration import register, registry
 
 from carlaloc_env.core.lazy_names import lazy_names
 
@@ -13,11 +15,22 @@ __version__ = "0.1.0"
 TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10")
 """Towns that come with the package, each as `CarlaLoc-<town>-v0`."""
 
-_ENTRY_POINT = "carlaloc_env.envs.carlaloc_env:CarlaLocEnv"
-register(id="CarlaLoc-v0", entry_point=_ENTRY_POINT)
-for _town in (*TOWNS, "Town10HD"):
-    register(id=f"CarlaLoc-{_town}-v0", entry_point=_ENTRY_POINT, kwargs={"map": _town})
-register(id="CarlaLoc-AnyTown-v0", entry_point="carlaloc_env.envs.carlaloc_env:AnyTownEnv")
+
+def register_environments() -> None:
+    """Register the environments with Gymnasium, unless they are; importing the package calls it."""
+    if "CarlaLoc-v0" in registry:
+        return
+    entry_point = "carlaloc_env.envs.carlaloc_env:CarlaLocEnv"
+    register(id="CarlaLoc-v0", entry_point=entry_point)
+    for town in (*TOWNS, "Town10HD"):
+        register(id=f"CarlaLoc-{town}-v0", entry_point=entry_point, kwargs={"map": town})
+    register(id="CarlaLoc-AnyTown-v0", entry_point="carlaloc_env.envs.carlaloc_env:AnyTownEnv")
+
+
+register_environments()
+# A new process (spawn, forkserver) knows no environment of its parent, but unpickles the parent's `_config`:
+# the function in it imports this package there. Python without `_config` loses this alone.
+getattr(current_process(), "_config", {})["carlaloc_env"] = register_environments
 
 __getattr__, _names = lazy_names(__name__, __file__)
 __all__ = [*_names, "TOWNS", "__version__"]

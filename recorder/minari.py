@@ -27,10 +27,12 @@ from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.road_ahead import RoadAhead
+from carlaloc_env.envs.base_env import plain
 from carlaloc_env.envs.task.actions import action_kind
 from carlaloc_env.envs.task.agent_views import AgentView, agent_view, rig_of
 from carlaloc_env.envs.task.referee import Referee, TaskConfig
 from carlaloc_env.physics.actor_pool import Contact
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.routing.route import Route
@@ -222,6 +224,8 @@ def write_minari(
     if config.out.exists():
         raise OutputError(f"{config.out} exists; give another name or a new version")
     drives = [Episode.load(path) for path in config.episodes]
+    towns = [_map_of(config, drive) for drive in drives]
+    spec = _spec(config, towns)
     total_s, done_s, steps = sum(drive.duration_s for drive in drives), 0.0, 0
     storage = None
     with atomic_write(config.out) as part:
@@ -229,8 +233,9 @@ def write_minari(
         for number, drive in enumerate(drives):
             with closing(_Drive(drive, config)) as converted:
                 if storage is None:
-                    kinds = converted.view.space, converted.action_space, _spec(config, drive)
-                    storage = MinariStorage.new(part / "data", *kinds, jpeg_encoding=False)
+                    kinds = converted.view.space, converted.action_space, spec
+                    # Minari joins a relative folder to itself.
+                    storage = MinariStorage.new((part / "data").resolve(), *kinds, jpeg_encoding=False)
                 count = 0
                 for chunk in converted.chunks(number):
                     storage.update_episodes([chunk])
@@ -238,7 +243,8 @@ def write_minari(
                     if progress is not None:
                         progress(done_s + count * config.frame_skip * STEP_NS * 1e-9, total_s)
             # Minari counts the steps of the last chunk alone.
-            storage.update_episode_metadata([{"total_steps": count}], [number])
+            named = {"options/town": towns[number]} if "towns" in spec.kwargs else {}
+            storage.update_episode_metadata([{"total_steps": count, **named}], [number])
             steps, done_s = steps + count, done_s + drive.duration_s
         assert storage is not None
         storage.update_metadata(_metadata(config, drives))
@@ -341,15 +347,35 @@ def _check(config: MinariConfig) -> None:
         raise ConfigError(f"frame skip is {config.frame_skip}; give 1 to 200 steps of 50 ms")
 
 
-def _spec(config: MinariConfig, drive: Episode) -> gymnasium.envs.registration.EnvSpec:
-    """The environment with the same observations, actions and rewards."""
-    known = drive.header.map_name in carlaloc_env.TOWNS and config.map is None
-    spec = deepcopy(gymnasium.spec(f"CarlaLoc-{drive.header.map_name}-v0" if known else "CarlaLoc-v0"))
-    spec.kwargs.update(rig=config.rig, action=config.action, frame_skip=config.frame_skip)
-    spec.kwargs.update(weather=config.weather, quality=config.quality)
-    if not known:
-        spec.kwargs["map"] = str(config.map or drive.header.map_name)
+def _map_of(config: MinariConfig, drive: Episode) -> str:
+    """Town of a drive, as environments take it in any working folder."""
+    if config.map is None:
+        return drive.header.map_name
+    path = Path(config.map)
+    return str(path.resolve() if path.is_file() else path)
+
+
+def _spec(config: MinariConfig, towns: Sequence[str]) -> gymnasium.envs.registration.EnvSpec:
+    """The environment with the same observations, actions and rewards in the towns of the drives."""
+    town, *others = dict.fromkeys(towns)
+    weather = _held(config.weather, weather_of)
+    where: dict[str, Any] = {"weather": weather}
+    if others:
+        name = "CarlaLoc-AnyTown-v0"
+        where = {"towns": [town, *others], "routes": ["town"], "weathers": [weather], "traffic": ["dynamic"]}
+    elif town in carlaloc_env.TOWNS:
+        name = f"CarlaLoc-{town}-v0"
+    else:
+        name, where["map"] = "CarlaLoc-v0", town
+    spec = deepcopy(gymnasium.spec(name))
+    spec.kwargs.update(where, rig=_held(config.rig, rig_by_name), action=config.action)
+    spec.kwargs.update(frame_skip=config.frame_skip, quality=config.quality)
     return spec
+
+
+def _held(name: str, read: Callable[[str], Any]) -> Any:
+    """A name, or in place of a YAML file what it holds: a data set is read where the file is not."""
+    return plain(read(name)) if Path(name).suffix in (".yaml", ".yml") else name
 
 
 def _metadata(config: MinariConfig, drives: Sequence[Episode]) -> dict[str, Any]:

@@ -60,7 +60,7 @@ class BaseEnv(gymnasium.Env[Any, Any], EzPickle):
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = None if spec is None else replace(spec, kwargs=_plain(spec.kwargs))
+        self._spec = None if spec is None else replace(spec, kwargs=plain(spec.kwargs))
 
     def _begin(self, seed: int | None) -> None:
         """Begin a reset: check the seed, and seed the generator if one is given.
@@ -80,16 +80,16 @@ class BaseEnv(gymnasium.Env[Any, Any], EzPickle):
             raise ClosedError(f"{call} after close; make a new environment with gymnasium.make()")
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Numbers, texts, lists and mappings for what a constructor takes."""
     if hasattr(value, "to_mapping"):
-        return _plain(value.to_mapping())
+        return plain(value.to_mapping())
     if is_dataclass(value) and not isinstance(value, type):
-        return _plain(to_mapping(value))
+        return plain(to_mapping(value))
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
     return str(value) if isinstance(value, Path) else value

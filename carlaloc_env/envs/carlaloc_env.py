@@ -3,6 +3,7 @@
 An environment that draws town, route, weather and traffic anew for every episode.
 """
 
+import json
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from numbers import Integral
@@ -18,7 +19,7 @@ from carlaloc_env import TOWNS
 from carlaloc_env.core.clock import STEP_TICKS
 from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.envs.base_env import BaseEnv, HumanWindow, view_from_seat
+from carlaloc_env.envs.base_env import BaseEnv, HumanWindow, plain, view_from_seat
 from carlaloc_env.envs.task.actions import Motion, action_kind
 from carlaloc_env.envs.task.agent_views import agent_view, rig_of
 from carlaloc_env.envs.task.episode_start import EpisodeStart, route_of
@@ -80,6 +81,7 @@ class CarlaLocEnv(BaseEnv):
         self.task = TaskConfig.of(task)
         self.weather = weather_of(weather)
         self._default_weather, self._default_traffic = self.weather, traffic
+        self._named = {"town": str(map), "weather": _text(weather), "traffic": _text(traffic)}
         asked = EpisodeStart.of({"route": route, "start": start})
         self._route, self._start = asked.route, asked.start
         self._frame_skip = int(frame_skip)
@@ -92,6 +94,7 @@ class CarlaLocEnv(BaseEnv):
         self.observation_space = self._view.space
         self.action_space: spaces.Space[Any] = self._actions.space
         self._referee: Referee | None = None
+        self._episode: dict[str, str] = {}
         self._window: HumanWindow | None = None
 
     def reset(
@@ -121,6 +124,9 @@ class CarlaLocEnv(BaseEnv):
             self._enter(traffic)
         self.stage.weather, self.stage.seed = self.weather, drive_seed
         self.world.reset(drive_seed, route=route, traffic=traffic)
+        given = {name: value for name, value in (options or {}).items() if value is not None}
+        changed = {name: _text(given[name]) for name in given.keys() & self._named.keys()}
+        self._episode = {**self._named, **changed, "route": start.route_text}
         self._referee = Referee(self.world, self.task)
         observation = self._view.reset(self.world)
         self._show()
@@ -218,6 +224,7 @@ class CarlaLocEnv(BaseEnv):
             "route_completion": 1.0 if arrived else min(max(driven, 0.0), 1.0),
             "route_offset_m": world.route_offset_m,
             "contacts": contacts,
+            **self._episode,
         }
         if "ego" in self._info_parts:
             info["ego"] = world.state
@@ -229,6 +236,12 @@ class CarlaLocEnv(BaseEnv):
             rays = self.stage.rays() if "visibility" in self._info_parts else None
             info["objects"] = objects_at(world.timeline, world.now_ns, rays=rays)
         return info
+
+
+def _text(value: Any) -> str:
+    """An option as text, with JSON for data: Gymnasium's vectors join values of one type alone."""
+    data = plain(value)
+    return data if isinstance(data, str) else json.dumps(data, default=str)
 
 
 def _info_parts(info: Sequence[str] | None, *, of_sensors: bool) -> frozenset[str]:
@@ -312,10 +325,8 @@ class AnyTownEnv(BaseEnv):
         """
         self._begin(seed)
         drawn = self._draw(options or {})
-        town = str(drawn.pop("town"))
-        self._now = self._town(town)
-        observation, info = self._now.reset(seed=int(self.np_random.integers(2**31)), options=drawn)
-        return observation, {**info, "town": town}
+        self._now = self._town(str(drawn.pop("town")))
+        return self._now.reset(seed=int(self.np_random.integers(2**31)), options=drawn)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """As `CarlaLocEnv.step`."""

@@ -1,8 +1,10 @@
 """The environment: Gymnasium's contract, the same bytes, rewards, and refusals in one line."""
 
+import json
 import pickle
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,8 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.schedule import weather_of
 
 GO = np.array([0.0, 0.4], np.float32)
 FEW = "dynamic,vehicles=3,walkers=0"
@@ -284,12 +288,21 @@ def test_any_town_draws_by_the_seed(straight_map: Path, tmp_path: Path) -> None:
     other.write_text(Path(straight_map).read_text().replace('length="300"', 'length="200"'))
     settings: dict[str, Any] = {"traffic": ["empty", "static"], "routes": ["town"], "rig": "state"}
     env = AnyTownEnv(towns=[str(straight_map), str(other)], kept_towns=1, **settings)
-    told = [env.reset(seed=seed)[1] for seed in range(8)]
+    told = []
+    for seed in range(8):
+        told.append(env.reset(seed=seed)[1])
+        now = env._now
+        assert weather_of(told[-1]["weather"]) == now.weather
+        assert told[-1]["traffic"] == ("static" if now.world.traffic_config.parked_cars else "empty")
+        assert told[-1]["route"] == "town"
     assert {info["town"] for info in told} == {str(straight_map), str(other)}
     again = env.reset(seed=3)[1]
     assert (again["town"], again["route_length_m"]) == (told[3]["town"], told[3]["route_length_m"])
-    assert env.reset(seed=3, options={"town": str(other)})[1]["town"] == str(other)
-    env.step(GO)
+    fog = replace(weather_by_name("ClearNoon"), fog_density=40.0)
+    begun = env.reset(seed=3, options={"town": str(other), "weather": fog, "route": "random"})[1]
+    for info in (begun, env.step(GO)[4]):
+        assert (info["town"], info["route"]) == (str(other), "random")
+        assert weather_of(json.loads(info["weather"])) == fog
     env.close()
     for call in (env.reset, env.render, lambda: env.step(GO)):
         with pytest.raises(CarlaLocError, match="after close"):

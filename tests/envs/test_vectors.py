@@ -1,5 +1,8 @@
 """Many environments side by side: every way of resetting, equal seeds, normalised rewards."""
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +14,39 @@ from shared_fixtures.drives.straight_drives import MakeEnv
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env.weather.schedule import weather_of
+
+try:
+    import tomllib
+except ModuleNotFoundError:
+    import tomli as tomllib
 
 GO = np.array([0.05, 0.4], np.float32)
+ROOT = Path(__file__).parents[2]
+CHILDREN = """
+import sys
+import gymnasium
+from gymnasium.vector import AsyncVectorEnv
+
+def make():
+    return gymnasium.make("CarlaLoc-v0", map=sys.argv[2], rig="state", traffic="empty")
+
+if __name__ == "__main__":
+    import carlaloc_env
+    envs = AsyncVectorEnv([make], context=sys.argv[1])
+    print(envs.reset(seed=1)[0] in envs.observation_space)
+    envs.close()
+"""
+"""A program in whose main block alone the package is imported."""
+PLUGIN = """
+import gymnasium, pkgutil, sys, warnings
+warnings.simplefilter("error")
+assert "CarlaLoc-v0" not in gymnasium.registry
+for _ in range(2):
+    pkgutil.resolve_name(sys.argv[1])()
+print(*(name for name in gymnasium.registry if name.startswith("CarlaLoc-")))
+"""
+"""As Gymnasium 0.26 to 0.29 load a plugin; the second call must not warn."""
 STEPS = 4
 """Length of an episode of 0.2 s."""
 
@@ -81,6 +115,45 @@ def test_workers_drive_what_one_process_does(straight_map: Path) -> None:
         runs.append([first, *(envs.step(np.array([GO, GO]))[0] for _ in range(2 * STEPS))])
         envs.close()
     np.testing.assert_array_equal(*runs)
+
+
+@pytest.mark.parametrize("context", ["spawn", "forkserver"])
+def test_new_processes_know_the_environments_of_their_parent(
+    context: str, straight_map: Path, tmp_path: Path
+) -> None:
+    program = tmp_path / "children.py"
+    program.write_text(CHILDREN)
+    command = [sys.executable, str(program), context, str(straight_map)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == ["True"], done.stderr
+
+
+def test_the_entry_point_registers_all_environments_once() -> None:
+    """Of pyproject.toml: the installed one may be older. `__root__` stands for ids without a prefix."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    command = [sys.executable, "-c", PLUGIN, project["entry-points"]["gymnasium.envs"]["__root__"]]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    expected = [name for name in gymnasium.registry if name.startswith("CarlaLoc-")]
+    assert done.stdout.split() == expected, done.stderr
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_options_last_an_episode_and_info_names_the_one_that_runs(
+    mode: AutoresetMode, straight_map: Path
+) -> None:
+    envs = _vector(straight_map, mode)
+    route = [[20.0, -1.75], [120.0, -1.75]]
+    asked = {"weather": "RainyNight", "traffic": "empty", "spawn": route[0], "goal": route[1]}
+    expected = {"town": str(straight_map), "weather": "RainyNight", "traffic": "empty"}
+    for info in (envs.reset(seed=[7, 8], options=asked)[1], envs.step(np.array([GO, GO]))[4]):
+        assert {name: info[name][1] for name in expected} == expected
+        assert json.loads(info["route"][1]) == route
+    for _ in range(STEPS):
+        info = envs.step(np.array([GO, GO]))[4]
+    expected |= {"weather": "ClearNoon", "traffic": "0.5", "route": "town"}
+    assert {name: info[name][1] for name in expected} == expected
+    assert envs.envs[1].unwrapped.weather == weather_of("ClearNoon")
+    envs.close()
 
 
 def test_stable_baselines_normalises_and_learns(straight_map: Path, tmp_path: Path) -> None:

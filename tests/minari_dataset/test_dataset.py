@@ -126,6 +126,34 @@ def test_its_environment_and_its_counts_are_known(drive: Path, straight_map: Pat
     assert gymnasium.spec("CarlaLoc-v0").kwargs == {}
 
 
+def test_a_data_set_of_several_towns_recovers_each_from_any_folder(
+    tmp_path: Path, straight_map: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Maps found by name, a rig's file, and all paths relative to a folder that is left afterwards."""
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    monkeypatch.setenv("CARLALOC_MAPS", str(tmp_path / "maps"))
+    for name, length in (("Long", "300"), ("Short", "200")):
+        town = tmp_path / "maps" / name / "town.xodr"
+        town.parent.mkdir(parents=True)
+        town.write_text(straight_map.read_text().replace('length="300"', f'length="{length}"'))
+        _record(town, tmp_path / f"{name}.mcap", [Controls(throttle=0.5)] * 20)
+    monkeypatch.chdir(tmp_path)
+    Path("few.yaml").write_text("name: few\nsensors:\n- {kind: imu}\n- {kind: gnss}\n")
+    drives = ["Long.mcap", "Short.mcap", "Long.mcap"]
+    assert main(["minari", *drives, "--rig", "few.yaml", "--out", "sets/two-towns-v0"]) == 0
+    (tmp_path / "away").mkdir()
+    monkeypatch.chdir(tmp_path / "away")
+    found = _load(tmp_path / "sets" / "two-towns-v0")
+    env = found.recover_environment()
+    assert env.observation_space == found.observation_space
+    known = found.storage.get_episode_metadata(range(3))
+    begun = [env.reset(seed=1, options=one["options"])[1] for one in known]
+    assert [info["town"] for info in begun] == ["Long", "Short", "Long"]
+    assert begun[0]["route_length_m"] == pytest.approx(begun[1]["route_length_m"] + 100.0)
+    assert {info["weather"] for info in begun} == {"ClearNoon"}
+    env.close()
+
+
 def test_stretches_in_memory_join_without_a_seam(
     drive: Path, straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from numbers import Real
@@ -81,6 +82,13 @@ class EpisodeStart:
         if isinstance(route, str) and route == "random" and given.get("goal") is not None:
             raise ConfigError("reset: a random route has no goal; leave one of the two out")
         return cls(**{name: value for name, value in given.items() if value is not None})
+
+    @property
+    def route_text(self) -> str:
+        """`town`, `random`, or the points from `spawn` to `goal` [m] as JSON."""
+        points = () if isinstance(self.route, str) else self.route
+        through = [point for point in (self.spawn, *points, self.goal) if point is not None]
+        return json.dumps(through) if through and self.route != "random" else str(self.route)
 
 
 def route_of(start: EpisodeStart, town: Town, rng: np.random.Generator) -> Route:
