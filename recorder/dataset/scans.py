@@ -25,7 +25,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, unknown_name
-from recorder.bags import open_bag, refused_in_one_line
+from recorder.bags import messages_by_stamp, open_bag, refused_in_one_line
 from recorder.dataset.clouds import (
     LIVOX,
     POINT_CLOUD,
@@ -350,7 +350,7 @@ def _clouds(
     if livox != POINT_CLOUD and (defined := reader.typestore.fielddefs.get(livox)):
         check_livox([name for name, _ in defined[1]])
     with refused_in_one_line(bag):
-        for connection, recorded_ns, raw in reader.messages(connections=connections):
+        for connection, recorded_ns, raw in messages_by_stamp(reader, connections):
             if connection.msgtype == POINT_CLOUD:
                 message = reader.deserialize(raw, POINT_CLOUD)
                 yield recorded_ns, cloud_of_fields(message, time_field)
