@@ -2,6 +2,7 @@
 
 import json
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Lens
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import Imu
+from carlaloc_env.sensors.imu import IMU_GRADES, ImuConfig
 from recorder.writers.calibration.files import calibration_texts, write_calibration
-from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.rig_calibration import NOISE_FLOORS, ImuCalibration, RigCalibration
 from recorder.writers.topics import STANDARD
 
 RIG = RigCalibration.from_configs(rig_by_name("paper").sensors)
@@ -39,27 +41,28 @@ def opencv_rows(node: Any) -> Array:
     return np.array([[node.at(i).at(j).real() for j in range(node.at(i).size())] for i in range(node.size())])
 
 
-def test_open_vins_reads_its_three_files_by_opencv(folder: Path) -> None:
-    def opened(name: str) -> cv2.FileStorage:
-        storage = cv2.FileStorage(str(folder / "open_vins" / name), cv2.FILE_STORAGE_READ)
-        assert storage.isOpened()
-        return storage
+def opened(path: Path) -> cv2.FileStorage:
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    assert storage.isOpened()
+    return storage
 
-    main = opened("estimator_config.yaml")
+
+def test_open_vins_reads_its_three_files_by_opencv(folder: Path) -> None:
+    main = opened(folder / "open_vins/estimator_config.yaml")
     assert main.getNode("max_cameras").real() == 2
     # It reads them though it uses no tags and starts at rest, and ends where one is missing.
     dynamic = "bias_a bias_g inflation_ba inflation_bg inflation_ori inflation_vel min_deg min_rec_cond"
     names = [f"init_dyn_{name}" for name in f"{dynamic} mle_max_iter mle_max_time num_pose".split()]
     for name in (*names, "num_aruco", "up_aruco_sigma_px", "record_timing_filepath"):
         assert not main.getNode(name).empty(), name
-    cameras = opened(main.getNode("relative_config_imucam").string())
+    cameras = opened(folder / "open_vins" / main.getNode("relative_config_imucam").string())
     for k, side in enumerate(("left", "right")):
         camera = cameras.getNode(f"cam{k}")
         assert np.allclose(opencv_rows(camera.getNode("T_imu_cam")), true(IMU, f"camera_{side}"))
         numbers = [camera.getNode("intrinsics").at(i).real() for i in range(4)]
         assert numbers == [640.0, 640.0, *numbers[2:]]
         assert camera.getNode("rostopic").string() == f"/camera/{side}/image_raw"
-    inertial = opened(main.getNode("relative_config_imu").string())
+    inertial = opened(folder / "open_vins" / main.getNode("relative_config_imu").string())
     imu = inertial.getNode("imu0")
     assert np.array_equal(opencv_rows(imu.getNode("T_i_b")), np.eye(4))
     assert imu.getNode("gyroscope_noise_density").real() == 2e-4
@@ -138,8 +141,6 @@ def test_lego_loam_reads_the_lidar_alone(folder: Path) -> None:
 
 def test_lenses_that_a_system_has_no_model_for_leave_its_file_out() -> None:
     def texts(lens: Lens) -> dict[str, str]:
-        from dataclasses import replace
-
         rig = replace(RIG, cameras=tuple(replace(camera, lens=lens) for camera in RIG.cameras))
         return calibration_texts(rig, STANDARD)
 
@@ -148,3 +149,85 @@ def test_lenses_that_a_system_has_no_model_for_leave_its_file_out() -> None:
     camera = json.loads(fisheye["basalt.json"])["value0"]["intrinsics"][0]
     assert (camera["camera_type"], camera["intrinsics"]["k1"]) == ("kb4", 0.01)
     assert "distortion_model: equidistant" in fisheye["s_msckf/camchain-imucam.yaml"]
+
+
+NOISE_FILES = (
+    "kalibr/imu.yaml", "open_vins/kalibr_imu_chain.yaml", "orbslam3_stereo_inertial.yaml",
+    "vins_fusion/stereo_inertial.yaml", "lio_sam.yaml", "basalt.json",
+)  # fmt: skip
+"""Files that state the IMU's noise."""
+
+
+def test_a_noise_of_zero_becomes_a_floor_that_the_files_name(tmp_path: Path, folder: Path) -> None:
+    """Kalibr refuses a noise of 0, and estimators divide by it."""
+    assert RIG.imu is not None
+    write_calibration(tmp_path, replace(RIG, imu=replace(RIG.imu, **dict.fromkeys(NOISE_FLOORS, 0.0))))
+    for name in NOISE_FILES:
+        text = (tmp_path / name).read_text()
+        for figure in NOISE_FLOORS:
+            assert f"{figure}: the rig has 0.0; raised to a floor" in text, (name, figure)
+        assert "floor" not in (folder / name).read_text()
+    assert yaml.safe_load((tmp_path / "kalibr/imu.yaml").read_text()).items() >= NOISE_FLOORS.items()
+    open_vins = opened(tmp_path / "open_vins/kalibr_imu_chain.yaml")
+    imu = open_vins.getNode("imu0")
+    assert {name: imu.getNode(name).real() for name in NOISE_FLOORS} == NOISE_FLOORS
+    keys = ("IMU.NoiseAcc", "IMU.AccWalk", "IMU.NoiseGyro", "IMU.GyroWalk")
+    orb = opened(tmp_path / "orbslam3_stereo_inertial.yaml")
+    assert [orb.getNode(key).real() for key in keys] == list(NOISE_FLOORS.values())
+    vins = opened(tmp_path / "vins_fusion/stereo_inertial.yaml")
+    assert vins.getNode("acc_n").real() == pytest.approx(50e-5)
+    assert vins.getNode("gyr_w").real() == 1e-7
+    lio_sam = yaml.safe_load((tmp_path / "lio_sam.yaml").read_text())["lio_sam"]
+    assert (lio_sam["imuAccNoise"], lio_sam["imuGyrBiasN"]) == (1e-5, 1e-7)
+    basalt = json.loads((tmp_path / "basalt.json").read_text())["value0"]
+    assert (basalt["accel_noise_std"], basalt["gyro_bias_std"]) == ([1e-5] * 3, [1e-7] * 3)
+
+
+@pytest.mark.parametrize("grade", IMU_GRADES)
+def test_real_imus_lie_above_the_floors(grade: str) -> None:
+    config = ImuConfig(**ImuConfig.preset_values(grade))
+    imu = RigCalibration.from_configs([config]).imu
+    assert imu is not None
+    assert not imu.raised
+    assert imu.gyroscope_random_walk == config.gyro_random_walk
+
+
+def test_a_figure_that_is_no_number_is_raised_too() -> None:
+    imu = ImuCalibration(gyroscope_noise_density=float("nan"), accelerometer_random_walk=1e-9)
+    assert (imu.gyroscope_noise_density, imu.accelerometer_random_walk) == (1e-6, 1e-6)
+    assert len(imu.raised) == 2
+
+
+def test_rates_and_ranges_that_systems_refuse_are_not_written() -> None:
+    assert RIG.lidar is not None
+    slow = replace(
+        RIG,
+        lidar=replace(RIG.lidar, rate_hz=0.4, range_min_m=0.5, range_max_m=1.5),
+        cameras=tuple(replace(camera, rate_hz=0.4) for camera in RIG.cameras),
+    )
+    texts = calibration_texts(slow, STANDARD)
+    assert "# At least 1; the LiDAR gives 0.4 clouds" in texts["fast_lio.yaml"]
+    assert yaml.safe_load(texts["fast_lio.yaml"])["preprocess"]["scan_rate"] == 1
+    assert "# At least 1; the cameras give 0.4 pictures" in texts["orbslam3_stereo.yaml"]
+    assert "Camera.fps: 1\n" in texts["orbslam3_stereo.yaml"]
+    for name, part, lowest, highest in (
+        ("kiss_icp.yaml", "data", "min_range", "max_range"),
+        ("rko_lio.yaml", "", "min_range", "max_range"),
+        ("lio_sam.yaml", "lio_sam", "lidarMinRange", "lidarMaxRange"),
+    ):
+        values = yaml.safe_load(texts[name])
+        values = values[part] if part else values
+        assert (values[lowest], values[highest]) == (0.5, 1.5), name
+
+
+def test_files_that_would_hold_a_divisor_of_zero_are_left_out() -> None:
+    assert RIG.lidar is not None
+    at_one_place = dict.fromkeys((camera.frame for camera in RIG.cameras), RIG.cameras[0].T_base_camera)
+    flat = replace(
+        RIG, frames={**RIG.frames, **at_one_place}, lidar=replace(RIG.lidar, elevations_deg=(0.0,))
+    )
+    left_out = calibration_texts(RIG, STANDARD).keys() - calibration_texts(flat, STANDARD).keys()
+    assert {name.partition("/")[0] for name in left_out} == {
+        "orbslam3_stereo.yaml", "orbslam3_stereo_inertial.yaml", "vins_fusion", "open_vins", "s_msckf",
+        "lego_loam.launch", "lego_loam.md", "a_loam.launch",
+    }  # fmt: skip
