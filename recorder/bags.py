@@ -10,7 +10,6 @@ import logging
 import re
 import shutil
 import sqlite3
-import struct
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
@@ -315,35 +314,6 @@ class _McapFile(McapReader):
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
         read = super().messages if self.chunks else self.messages_scan
         yield from read(connections, start, stop)
-
-
-def messages_by_stamp(
-    reader: AnyReader, connections: Sequence[Connection]
-) -> Iterator[tuple[Connection, int, bytes]]:
-    """Messages in the order of their headers' stamps, which need not be that of their recording.
-
-    They are read twice, first for their stamps; those alone wait in memory that are recorded too early.
-
-    Args:
-        reader: An open reader.
-        connections: One or several, whose messages begin with a header.
-    """
-    times = [(_stamp(raw, reader), at_ns) for _, at_ns, raw in reader.messages(connections)]
-    order = sorted(range(len(times)), key=times.__getitem__)
-    ranks = {number: rank for rank, number in enumerate(order)}
-    waiting: dict[int, tuple[Connection, int, bytes]] = {}
-    due = 0
-    for number, message in enumerate(reader.messages(connections)):
-        waiting[ranks[number]] = message
-        while due in waiting:
-            yield waiting.pop(due)
-            due += 1
-
-
-def _stamp(raw: bytes, reader: AnyReader) -> tuple[int, ...]:
-    """Seconds and nanoseconds of a header, which follow ROS 1's counter or CDR's mark of the byte order."""
-    order = ">" if reader.is2 and not raw[1] & 1 else "<"
-    return struct.unpack_from(f"{order}2I", raw, 4)
 
 
 class _Lenient:

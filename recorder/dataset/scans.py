@@ -25,7 +25,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, unknown_name
-from recorder.bags import messages_by_stamp, open_bag, refused_in_one_line
+from recorder.bags import open_bag, refused_in_one_line
 from recorder.dataset.clouds import (
     LIVOX,
     POINT_CLOUD,
@@ -34,6 +34,7 @@ from recorder.dataset.clouds import (
     check_livox,
     cloud_of_fields,
     cloud_of_livox,
+    messages_by_stamp,
     unit_in_name,
 )
 

@@ -154,6 +154,20 @@ def test_an_mcap_with_any_index_is_read_in_the_order_of_stamps(
     assert topics_in(tmp_path / "a.mcap") == {TOPIC: 6}
 
 
+@pytest.mark.parametrize("order", [[*range(64), *range(71, 63, -1)], [9, *range(9), *range(10, 70)]])
+def test_clouds_that_are_recorded_late_come_in_their_turn(tmp_path: Path, order: list[int]) -> None:
+    """Seven places late behind 64 that are in order, and nine places too early at the beginning."""
+    small = messages(0, 1)[TOPIC][0]
+    small.width, small.row_step, small.data = 4, 4 * small.point_step, small.data[: 4 * small.point_step]
+    with rosbag2.Writer(tmp_path / "b", version=8) as bag:
+        link = bag.add_connection(TOPIC, clouds.CLOUD, typestore=JAZZY)
+        for at_ns, number in enumerate(order):
+            small.header.stamp.sec = 1000 + number
+            bag.write(link, at_ns, JAZZY.serialize_cdr(small, clouds.CLOUD))
+    stamps_s = [scan.stamp_ns // 10**9 - 1000 for _, scan in read_scans(tmp_path / "b")]
+    assert stamps_s == sorted(order)
+
+
 @pytest.mark.parametrize("is_big", [False, True])
 def test_stamps_are_those_of_ros1_and_of_both_byte_orders(tmp_path: Path, is_big: bool) -> None:
     ros1 = get_typestore(Stores.ROS1_NOETIC)
