@@ -160,8 +160,9 @@ NOISE_FILES = (
 
 def test_a_noise_of_zero_becomes_a_floor_that_the_files_name(tmp_path: Path, folder: Path) -> None:
     """Kalibr refuses a noise of 0, and estimators divide by it."""
+    nothing: dict[str, Any] = dict.fromkeys(NOISE_FLOORS, 0.0)
     assert RIG.imu is not None
-    write_calibration(tmp_path, replace(RIG, imu=replace(RIG.imu, **dict.fromkeys(NOISE_FLOORS, 0.0))))
+    write_calibration(tmp_path, replace(RIG, imu=replace(RIG.imu, **nothing)))
     for name in NOISE_FILES:
         text = (tmp_path / name).read_text()
         for figure in NOISE_FLOORS:
