@@ -2,8 +2,10 @@
 
 import gzip
 import shutil
+import sqlite3
 import subprocess
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +71,10 @@ def test_the_distribution_is_the_named_one_or_that_of_the_version(
     file = folder / "b.db3"
     assert _distribution(file) == name
     (folder / "metadata.yaml").write_text("damaged")
-    assert _distribution(file) == ("humble" if name == "humble" else "foxy")
+    if name == "eloquent":
+        with closing(sqlite3.connect(file)) as base:
+            base.execute("ALTER TABLE topics DROP COLUMN offered_qos_profiles")
+    assert _distribution(file) == name
     assert sweeps_in(folder) == [0, 1]
     assert not caplog.messages
 
