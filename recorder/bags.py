@@ -299,12 +299,13 @@ def _reader(paths: Sequence[Path]) -> AnyReader:
 
 
 class _McapFile(McapReader):
-    """Reads chunks without an index, which rosbags skips, and unsorted messages without chunks."""
+    """Reads files whose summary lacks a part, and unsorted messages without chunks; rosbags does not."""
 
     def read_index(self) -> None:
         super().read_index()
         bare = [chunk for chunk in self.chunks if not chunk.channel_count]
-        if not self.channels or (bare and not self.statistics):
+        if not (self.schemas and self.channels) or (bare and not self.statistics):
+            self.connections.clear()
             self.meta_scan()
         for chunk in bare:
             chunk.channel_count.update(dict.fromkeys(self.channels, 1))

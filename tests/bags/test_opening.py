@@ -131,6 +131,7 @@ SHUFFLED = [3, 0, 5, 1, 4, 2]
     "how",
     [
         {"repeat_channels": False},
+        {"repeat_schemas": False},
         {"index_types": IndexType.CHUNK},
         {"index_types": IndexType.CHUNK, "use_statistics": False},
         {"index_types": IndexType.CHUNK, "repeat_channels": False, "repeat_schemas": False},
