@@ -1,10 +1,6 @@
 """Bags of ROS 1 and ROS 2: their files, an open reader, definitions that files lack.
 
-Files that make up the bag which a user named, recognised by content and not by name.
-
-Opening a bag of any kind.
-
-Definitions of messages for ROS 2 bags that carry none, as rosbag2 wrote them until Humble.
+Files are recognised by content, not by name. ROS 2 bags lack definitions of messages until Humble.
 """
 
 from __future__ import annotations
@@ -14,7 +10,7 @@ import logging
 import re
 import shutil
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +22,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
+from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
@@ -186,10 +183,10 @@ def _file(path: Path, kind: str, scratch: Callable[[], Path]) -> Path:
 LIKELIEST = "humble"
 """Distribution that is taken where a bag names none: the last one whose bags carry no definitions."""
 _OF_VERSION = {
-    1: "dashing", 2: "dashing", 3: "eloquent", 4: "foxy", 5: "humble", 6: "iron", 7: "iron", 8: "iron",
+    1: "dashing", 2: "eloquent", 3: "foxy", 4: "foxy", 5: "humble", 6: "iron", 7: "iron", 8: "jazzy",
     9: "jazzy",
 }  # fmt: skip
-"""Distribution that wrote a version of rosbag2's metadata (bag_metadata.hpp)."""
+"""First distribution with a version of rosbag2's metadata (bag_metadata.hpp) or a later one."""
 
 
 def add_definitions(reader: AnyReader, path: Path, bag: Path) -> None:
@@ -253,7 +250,7 @@ def _of_sqlite(path: Path) -> Mapping[str, Any]:
             if columns:
                 return {}
             topics = {row[1] for row in base.execute("PRAGMA table_info(topics)")}
-            return {"version": 4 if "offered_qos_profiles" in topics else 3}
+            return {"version": 4 if "offered_qos_profiles" in topics else 2}
     except sqlite3.Error:
         return {}
 
@@ -294,7 +291,30 @@ def open_bag(bag: Path) -> Iterator[AnyReader]:
 
 
 def _reader(paths: Sequence[Path]) -> AnyReader:
-    return AnyReader(paths, default_typestore=get_typestore(Stores.EMPTY))
+    reader = AnyReader(paths, default_typestore=get_typestore(Stores.EMPTY))
+    for part in reader.readers:
+        if isinstance(getattr(part, "storage", None), McapReader):
+            part.storage = _McapFile(part.path)  # type: ignore[union-attr]
+    return reader
+
+
+class _McapFile(McapReader):
+    """Reads files whose summary lacks a part, and unsorted messages without chunks; rosbags does not."""
+
+    def read_index(self) -> None:
+        super().read_index()
+        bare = [chunk for chunk in self.chunks if not chunk.channel_count]
+        if not (self.schemas and self.channels) or (bare and not self.statistics):
+            self.connections.clear()
+            self.meta_scan()
+        for chunk in bare:
+            chunk.channel_count.update(dict.fromkeys(self.channels, 1))
+
+    def messages(
+        self, connections: Collection[Connection], start: int | None = None, stop: int | None = None
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        read = super().messages if self.chunks else self.messages_scan
+        yield from read(connections, start, stop)
 
 
 class _Lenient:

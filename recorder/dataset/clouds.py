@@ -1,12 +1,17 @@
 """Point clouds of messages: `sensor_msgs/PointCloud2` with any fields, and Livox's `CustomMsg`."""
 
+import heapq
+import itertools
 import re
 import struct
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
 
 from carlaloc_env.core.errors import EvaluationError, unknown_name
 
@@ -30,6 +35,8 @@ _TIME = re.compile(
     r"(?:_(?P<unit>ns|nsec|us|usec|ms|msec|s|sec))?"
 )
 """Names of the time of a point, in lower case; some name its unit, too."""
+_AHEAD, _FIRST = 8, 64
+"""Number of messages that wait for late ones, and of the first ones, which show whether more must wait."""
 _STEP_MAX = 2**31 - 1
 """Largest point that NumPy can view [bytes]."""
 _SINGLE_M = 1000.0
@@ -205,3 +212,37 @@ def _tag(label: NDArray[Any]) -> NDArray[np.uint8] | None:
     """Labels as semantic tags; None: they are of another vocabulary, which does not fit into a byte."""
     tag: NDArray[np.uint8] = label.astype(np.uint8)
     return tag if np.array_equal(tag, label) else None
+
+
+def messages_by_stamp(
+    reader: AnyReader, connections: Sequence[Connection]
+) -> Iterator[tuple[Connection, int, bytes]]:
+    """Messages in the order of their headers' stamps, which need not be that of their recording.
+
+    Args:
+        reader: An open reader.
+        connections: One or several, whose messages begin with a header.
+    """
+    waiting: list[tuple[tuple[int, ...], int, int, tuple[Connection, int, bytes]]] = []
+    ahead = _ahead(reader, connections)
+    for number, message in enumerate(reader.messages(connections)):
+        heapq.heappush(waiting, (_stamp(message[2], reader), message[1], number, message))
+        if len(waiting) > ahead:
+            yield heapq.heappop(waiting)[-1]
+    yield from (heapq.heappop(waiting)[-1] for _ in range(len(waiting)))
+
+
+def _ahead(reader: AnyReader, connections: Sequence[Connection]) -> int:
+    """Number of messages that must wait: a few if the first ones are in order, else as many as all need."""
+    times = ((_stamp(raw, reader), at_ns) for _, at_ns, raw in reader.messages(connections))
+    first = list(itertools.islice(times, _FIRST))
+    if first == sorted(first):
+        return _AHEAD
+    first += times
+    return max(number - rank for rank, number in enumerate(sorted(range(len(first)), key=first.__getitem__)))
+
+
+def _stamp(raw: bytes, reader: AnyReader) -> tuple[int, ...]:
+    """Seconds and nanoseconds of a header, which follow ROS 1's counter or CDR's mark of the byte order."""
+    order = ">" if reader.is2 and not raw[1] & 1 else "<"
+    return struct.unpack_from(f"{order}2I", raw, 4)

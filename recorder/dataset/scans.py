@@ -34,6 +34,7 @@ from recorder.dataset.clouds import (
     check_livox,
     cloud_of_fields,
     cloud_of_livox,
+    messages_by_stamp,
     unit_in_name,
 )
 
@@ -350,7 +351,7 @@ def _clouds(
     if livox != POINT_CLOUD and (defined := reader.typestore.fielddefs.get(livox)):
         check_livox([name for name, _ in defined[1]])
     with refused_in_one_line(bag):
-        for connection, recorded_ns, raw in reader.messages(connections=connections):
+        for connection, recorded_ns, raw in messages_by_stamp(reader, connections):
             if connection.msgtype == POINT_CLOUD:
                 message = reader.deserialize(raw, POINT_CLOUD)
                 yield recorded_ns, cloud_of_fields(message, time_field)

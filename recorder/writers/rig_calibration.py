@@ -27,6 +27,15 @@ from carlaloc_env.sensors.base import SensorConfig
 
 BASE_FRAME = "base_link"
 """Frame of the car: FLU, on the ground below the rear axle."""
+NOISE_FLOORS = {
+    "accelerometer_noise_density": 1e-5, "accelerometer_random_walk": 1e-6,
+    "gyroscope_noise_density": 1e-6, "gyroscope_random_walk": 1e-7,
+}  # fmt: skip
+"""Least noise that calibration states, in the units of `ImuCalibration`; systems divide by it.
+
+The densities are those of navigation-grade IMUs, 1 µg/√Hz and 0.003 °/√h; the walks are a third of the
+tactical grade's or less.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,7 +68,7 @@ class CameraCalibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImuCalibration:
-    """An IMU with continuous-time noise in Kalibr's convention."""
+    """An IMU with continuous-time noise in Kalibr's convention, at least that of `NOISE_FLOORS`."""
 
     name: str = "imu"
     """Name of the sensor, its stream and its frame."""
@@ -75,6 +84,16 @@ class ImuCalibration:
     """White noise of the body rate [rad/s/√Hz]."""
     gyroscope_random_walk: float = 2e-5
     """Diffusion of the gyroscope's bias [rad/s²/√Hz]."""
+    raised: tuple[str, ...] = ()
+    """A line for each figure that was raised to its floor."""
+
+    def __post_init__(self) -> None:
+        for name, floor in NOISE_FLOORS.items():
+            value = getattr(self, name)
+            if not value >= floor:
+                note = f"{name}: the rig has {real(value)}; raised to a floor, since less stops systems"
+                object.__setattr__(self, "raised", (*self.raised, note))
+                object.__setattr__(self, name, floor)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

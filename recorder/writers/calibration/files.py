@@ -4,6 +4,7 @@ Calibration for Basalt: one JSON file.
 """
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,9 @@ def basalt_json(rig: RigCalibration) -> str:
         "cam_time_offset_ns": 0,
         "vignette": [],
     }
-    return json.dumps({"value0": value}, indent=2) + "\n"
+    # Basalt looks for value0 alone.
+    notes = {"comment": imu.raised} if imu.raised else {}
+    return json.dumps({"value0": value, **notes}, indent=2) + "\n"
 
 
 def _pose(T: Array) -> dict[str, float]:
@@ -82,10 +85,10 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
     """Write every file that the rig's sensors allow.
 
     ``extrinsics.yaml`` always. An IMU, with cameras: Kalibr's files and, where it has a model for their
-    lenses, Basalt's. Two cameras: ORB-SLAM3's and VINS-Fusion's, with an IMU as well their inertial ones,
-    OpenVINS's and S-MSCKF's. A LiDAR: KISS-ICP's and, of 16, 32 or 64 beams, A-LOAM's; with an IMU
-    FAST-LIO2's, LIO-SAM's, RKO-LIO's and LeGO-LOAM's with notes. A CAN bus: ``can.dbc``. Systems of ROS 1 get
-    launch files.
+    lenses, Basalt's. Two cameras in two places: ORB-SLAM3's and VINS-Fusion's, with an IMU as well their
+    inertial ones, OpenVINS's and S-MSCKF's. A LiDAR: KISS-ICP's and, of 16, 32 or 64 beams, A-LOAM's; with an
+    IMU FAST-LIO2's, LIO-SAM's, RKO-LIO's and, of several beams, LeGO-LOAM's with notes. A CAN bus:
+    ``can.dbc``. Systems of ROS 1 get launch files.
 
     Args:
         folder: Where the files go.
@@ -118,8 +121,10 @@ def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, st
 
 def _file_names(rig: RigCalibration) -> list[str]:
     """Names of the files that the rig's sensors allow."""
-    imu, lidar, stereo = rig.imu is not None, rig.lidar is not None, len(rig.cameras) >= 2
-    beams = rig.lidar.rings if rig.lidar is not None else 0
+    imu, lidar, stereo = rig.imu is not None, rig.lidar is not None, _has_stereo(rig)
+    beams_deg = rig.lidar.elevations_deg if rig.lidar is not None else ()
+    # It divides by the angle between beams.
+    lego = imu and len(set(beams_deg)) > 1
     files = (
         (True, EXTRINSICS),
         (imu, "kalibr/imu.yaml"),
@@ -140,16 +145,22 @@ def _file_names(rig: RigCalibration) -> list[str]:
         (stereo and imu, "open_vins/open_vins.launch"),
         (imu and basalt_fits(rig), _BASALT),
         (lidar, "kiss_icp.yaml"),
-        (beams in _A_LOAM_BEAMS, "a_loam.launch"),
+        (len(beams_deg) in _A_LOAM_BEAMS, "a_loam.launch"),
         (lidar and imu, "fast_lio.yaml"),
         (lidar and imu, "fast_lio.launch"),
         (lidar and imu, "lio_sam.yaml"),
         (lidar and imu, "rko_lio.yaml"),
-        (lidar and imu, "lego_loam.launch"),
-        (lidar and imu, "lego_loam.md"),
+        (lego, "lego_loam.launch"),
+        (lego, "lego_loam.md"),
         ("can" in rig.frames, "can.dbc"),
     )
     return [name for fits, name in files if fits]
+
+
+def _has_stereo(rig: RigCalibration) -> bool:
+    """Whether the first two cameras are 1 mm apart or more: systems divide by their distance."""
+    frames = [camera.frame for camera in rig.cameras[:2]]
+    return len(frames) == 2 and math.hypot(*rig.T(*frames)[:3, 3]) >= 1e-3
 
 
 def _values(rig: RigCalibration, topics: TopicProfile) -> dict[str, Any]:
@@ -177,7 +188,8 @@ def _values(rig: RigCalibration, topics: TopicProfile) -> dict[str, Any]:
         values |= {
             "points_topic": topics.topic(PointCloud, lidar.name),
             "points_frame": topics.frame(PointCloud, lidar.name, lidar.name),
-            "near_m": max(_NEAREST_M, lidar.range_min_m),
+            # Nearer than the farthest return in any case.
+            "near_m": _NEAREST_M if lidar.range_min_m < _NEAREST_M < lidar.range_max_m else lidar.range_min_m,
             "beam_spacing_deg": (beams_deg[-1] - beams_deg[0]) / max(lidar.rings - 1, 1),
             "ground_rings": sum(beam_deg < _GROUND_BELOW_DEG for beam_deg in beams_deg),
         }

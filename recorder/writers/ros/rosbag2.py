@@ -107,8 +107,11 @@ STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 """Ways to store a bag."""
 METADATA = "carlaloc_sequence"
 """Name of MCAP's metadata record with the conditions of a sequence."""
-_VERSION: Literal[9] = 9
-"""Version of ``metadata.yaml``: ROS 2 Jazzy's, which Humble and Iron read too."""
+_VERSION: Literal[8] = 8
+"""Version of ``metadata.yaml``, the last one that Humble and Iron read; Jazzy and later read it, too.
+
+In version 9 the quality of service is a list of words, where Humble's yaml-cpp wants a text with numbers.
+"""
 _FOREVER = QosTime(9223372036, 854775807)
 
 

@@ -1,7 +1,9 @@
 """Calibration files read as OpenVINS, S-MSCKF, Basalt, LIO-SAM, KISS-ICP, RKO-LIO and A-LOAM read them."""
 
 import json
+import re
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,9 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Lens
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import Imu
+from carlaloc_env.sensors.imu import IMU_GRADES, ImuConfig
 from recorder.writers.calibration.files import calibration_texts, write_calibration
-from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.rig_calibration import NOISE_FLOORS, RigCalibration
 from recorder.writers.topics import STANDARD
 
 RIG = RigCalibration.from_configs(rig_by_name("paper").sensors)
@@ -39,27 +42,28 @@ def opencv_rows(node: Any) -> Array:
     return np.array([[node.at(i).at(j).real() for j in range(node.at(i).size())] for i in range(node.size())])
 
 
-def test_open_vins_reads_its_three_files_by_opencv(folder: Path) -> None:
-    def opened(name: str) -> cv2.FileStorage:
-        storage = cv2.FileStorage(str(folder / "open_vins" / name), cv2.FILE_STORAGE_READ)
-        assert storage.isOpened()
-        return storage
+def opened(path: Path) -> cv2.FileStorage:
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    assert storage.isOpened()
+    return storage
 
-    main = opened("estimator_config.yaml")
+
+def test_open_vins_reads_its_three_files_by_opencv(folder: Path) -> None:
+    main = opened(folder / "open_vins/estimator_config.yaml")
     assert main.getNode("max_cameras").real() == 2
     # It reads them though it uses no tags and starts at rest, and ends where one is missing.
     dynamic = "bias_a bias_g inflation_ba inflation_bg inflation_ori inflation_vel min_deg min_rec_cond"
     names = [f"init_dyn_{name}" for name in f"{dynamic} mle_max_iter mle_max_time num_pose".split()]
     for name in (*names, "num_aruco", "up_aruco_sigma_px", "record_timing_filepath"):
         assert not main.getNode(name).empty(), name
-    cameras = opened(main.getNode("relative_config_imucam").string())
+    cameras = opened(folder / "open_vins" / main.getNode("relative_config_imucam").string())
     for k, side in enumerate(("left", "right")):
         camera = cameras.getNode(f"cam{k}")
         assert np.allclose(opencv_rows(camera.getNode("T_imu_cam")), true(IMU, f"camera_{side}"))
         numbers = [camera.getNode("intrinsics").at(i).real() for i in range(4)]
         assert numbers == [640.0, 640.0, *numbers[2:]]
         assert camera.getNode("rostopic").string() == f"/camera/{side}/image_raw"
-    inertial = opened(main.getNode("relative_config_imu").string())
+    inertial = opened(folder / "open_vins" / main.getNode("relative_config_imu").string())
     imu = inertial.getNode("imu0")
     assert np.array_equal(opencv_rows(imu.getNode("T_i_b")), np.eye(4))
     assert imu.getNode("gyroscope_noise_density").real() == 2e-4
@@ -138,8 +142,6 @@ def test_lego_loam_reads_the_lidar_alone(folder: Path) -> None:
 
 def test_lenses_that_a_system_has_no_model_for_leave_its_file_out() -> None:
     def texts(lens: Lens) -> dict[str, str]:
-        from dataclasses import replace
-
         rig = replace(RIG, cameras=tuple(replace(camera, lens=lens) for camera in RIG.cameras))
         return calibration_texts(rig, STANDARD)
 
@@ -148,3 +150,59 @@ def test_lenses_that_a_system_has_no_model_for_leave_its_file_out() -> None:
     camera = json.loads(fisheye["basalt.json"])["value0"]["intrinsics"][0]
     assert (camera["camera_type"], camera["intrinsics"]["k1"]) == ("kb4", 0.01)
     assert "distortion_model: equidistant" in fisheye["s_msckf/camchain-imucam.yaml"]
+
+
+def test_a_noise_of_zero_becomes_a_floor_that_the_files_name(tmp_path: Path, folder: Path) -> None:
+    """Kalibr refuses a noise of 0, and estimators divide by it."""
+    nothing: dict[str, Any] = dict.fromkeys(NOISE_FLOORS, 0.0)
+    assert RIG.imu is not None
+    write_calibration(tmp_path, replace(RIG, imu=replace(RIG.imu, **nothing)))
+    # Where each file has the figures, in the order of `NOISE_FLOORS`, and a factor of the two densities.
+    kalibr = " ".join(NOISE_FLOORS)
+    places = {
+        "kalibr/imu.yaml": ("", kalibr, 1),
+        "open_vins/kalibr_imu_chain.yaml": ("imu0", kalibr, 1),
+        "orbslam3_stereo_inertial.yaml": ("", "IMU.NoiseAcc IMU.AccWalk IMU.NoiseGyro IMU.GyroWalk", 1),
+        "vins_fusion/stereo_inertial.yaml": ("", "acc_n acc_w gyr_n gyr_w", 50),
+        "lio_sam.yaml": ("lio_sam", "imuAccNoise imuAccBiasN imuGyrNoise imuGyrBiasN", 1),
+        "basalt.json": ("value0", "accel_noise_std accel_bias_std gyro_noise_std gyro_bias_std", 1),
+    }
+    for name, (part, keys, factor) in places.items():
+        text = (tmp_path / name).read_text()
+        assert all(f"{figure}: the rig has 0.0; raised to a floor" in text for figure in NOISE_FLOORS), name
+        assert "floor" not in (folder / name).read_text()
+        storage = opened(tmp_path / name)
+        node = storage.getNode(part) if part else storage.root()
+        found = [node.getNode(key) for key in keys.split()]
+        values = [(value.at(0) if value.isSeq() else value).real() for value in found]
+        expected = np.multiply(list(NOISE_FLOORS.values()), [factor, 1, factor, 1])
+        np.testing.assert_allclose(values, expected, err_msg=name)
+
+
+@pytest.mark.parametrize("grade", IMU_GRADES)
+def test_real_imus_lie_above_the_floors(grade: str) -> None:
+    imu = RigCalibration.from_configs([ImuConfig(**ImuConfig.preset_values(grade))]).imu
+    assert imu is not None
+    assert not imu.raised
+
+
+def test_rates_and_ranges_that_systems_refuse_are_not_written() -> None:
+    assert RIG.lidar is not None
+    lidar = replace(RIG.lidar, rate_hz=0.4, range_min_m=0.5, range_max_m=1.5)
+    cameras = tuple(replace(camera, rate_hz=0.4) for camera in RIG.cameras)
+    texts = calibration_texts(replace(RIG, lidar=lidar, cameras=cameras), STANDARD)
+    assert "gives 0.4 clouds a second.\n    scan_rate: 1\n" in texts["fast_lio.yaml"]
+    assert "give 0.4 pictures a second.\nCamera.fps: 1\n" in texts["orbslam3_stereo.yaml"]
+    for name in ("kiss_icp.yaml", "rko_lio.yaml"):
+        assert "min_range: 0.5\n" in texts[name]
+    assert "lidarMinRange: 0.5\n" in texts["lio_sam.yaml"]
+
+
+def test_files_that_would_hold_a_divisor_of_zero_are_left_out() -> None:
+    assert RIG.lidar is not None
+    at_one_place = dict.fromkeys((camera.frame for camera in RIG.cameras), RIG.cameras[0].T_base_camera)
+    lidar = replace(RIG.lidar, elevations_deg=(0.0,))
+    flat = replace(RIG, frames={**RIG.frames, **at_one_place}, lidar=lidar)
+    left_out = calibration_texts(RIG, STANDARD).keys() - calibration_texts(flat, STANDARD).keys()
+    of = {re.split("[_./]", name)[0] for name in left_out}
+    assert of == {"orbslam3", "vins", "open", "s", "lego", "a"}
