@@ -252,17 +252,16 @@ MESSAGE_BYTES = {
 PACKED = ("video", "cloud_draco", "depth_png", "tags_png")
 """Messages that no bag makes smaller."""
 BAG_SHARES = {
-    "rosbag1": 1.0, "rosbag1_lz4": 0.7, "rosbag1_bz2": 0.45, "rosbag2": 0.6, "rosbag2_sqlite3": 1.0,
+    "rosbag1": 1.0, "rosbag1_lz4": 0.72, "rosbag1_bz2": 0.48, "rosbag2": 0.55, "rosbag2_sqlite3": 1.0,
 }  # fmt: skip
-"""Size of a bag as a share of its messages'; measured."""
+"""Size of a bag as a share of its messages'; measured in Town03."""
 FILE_BYTES: dict[str, dict[type[Sample], float]] = {
-    "euroc": {Image: 0.5},
-    "kitti": {Image: 1.4, PointCloud: 20.0},
-    "dsec": {Events: 5.0, DepthImage: 0.2},
-    "raw": {Image: 1.4, DepthImage: 2.0, SemanticImage: 0.1, FlowImage: 4.0, NormalImage: 6.0, Events: 5.0,
-            PointCloud: 27.0},
-}  # fmt: skip
-"""Size of a pixel or point in the files of a format [bytes]; measured."""
+    "euroc": {Image: 0.35},
+    "kitti": {Image: 1.0, PointCloud: 20.0},
+    "dsec": {Events: 2.0, DepthImage: 0.2},
+    "raw": {Image: 1.0, DepthImage: 1.9, FlowImage: 4.0, NormalImage: 6.0, Events: 1.8, PointCloud: 25.0},
+}
+"""Size of a pixel or point in the files of a format [bytes]; measured in Town03."""
 
 
 def pixels_hz(config: CameraConfig) -> float:
@@ -295,8 +294,9 @@ def element_bytes(
         streams: All streams of the rig.
     """
     if format_name not in BAG_SHARES:
-        # Of a LiDAR's two clouds, files hold the one with labels.
-        size = 0.0 if f"{stream}_semantic" in streams else FILE_BYTES[format_name].get(kind, 0.0)
+        # Of a LiDAR's two clouds, KITTI holds the one with labels.
+        is_left_out = format_name == "kitti" and f"{stream}_semantic" in streams
+        size = 0.0 if is_left_out else FILE_BYTES[format_name].get(kind, 0.0)
         return size, size
     profiles = [topics, *(["paper_seg"] if topics == "paper" else [])]
     routes = [route for p in profiles for route in profile_by_name(p).routes(kind, stream, streams)]

@@ -14,7 +14,9 @@ from recorder.replaying.replay import replay
 FULL_RIG = """\
 name: large
 sensors:
-- {kind: lidar, outputs: [cloud, semantic], mount: {position_m: [0.0, 0.0, 1.8]}}
+- kind: lidar
+  elevations_deg: [-30, -26, -22, -18, -14, -10, -8, -6]
+  mount: {position_m: [0.0, 0.0, 1.8]}
 - kind: camera
   name: left
   mount: {position_m: [0.3, 0.2, 1.6], axes: optical}
@@ -28,7 +30,7 @@ GB = 1e9
 def test_the_announced_size_is_that_of_the_files(
     topics: str, straight_drive: StraightDrive, tmp_path: Path
 ) -> None:
-    """Two weathers of a camera and a LiDAR of full size, to the error that the line names."""
+    """Two weathers of a camera and a LiDAR whose rays meet the ground, to the error that the line names."""
     (tmp_path / "rig.yaml").write_text(FULL_RIG)
     config = straight_drive.config(
         tmp_path / "data", rig=str(tmp_path / "rig.yaml"), topics=topics, weathers=("ClearNoon", "FoggyNoon"),

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from recorder.drive.record import RecordConfig
     from recorder.window.start_screen import Opening
 
-BYTES_S, START_S, SPEED, FACTOR = 7e4, 10.0, 4.0, 2
+BYTES_S, START_S, SPEED, FACTOR = 9e4, 20.0, 5.0, 2
 """Size of a second of a drive, time until the first, seconds that the scripted driver drives in one, and the
 factor within which these are right; measured in the towns' traffic."""
 _TOWN, _WEATHER, _TRAFFIC = "Town03", "ClearNoon", "dynamic"
