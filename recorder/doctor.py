@@ -16,6 +16,7 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.core.files.array_cache import cache_bound_bytes, cache_files, default_cache_dir
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.weather.parameters import weather_by_name
@@ -68,6 +69,7 @@ def examine(out: Path | None = None) -> DoctorReport:
         _guarded("physics", _physics, needed=True, remedy="pip install --force-reinstall pybullet"),
         _guarded("joystick", _joystick, needed=False, remedy="none is needed: the scripted driver drives"),
         _disk(out or Path.cwd()),
+        _cache(),
         _optional("kiss_icp", "`carlaloc odometry`", "slam", below=(3, 14)),
         _optional("small_gicp", "LiDAR odometry in `carlaloc demo`", "slam"),
         _optional("rko_lio", "LiDAR-inertial odometry in `carlaloc demo`", "slam", below=(3, 14)),
@@ -166,6 +168,12 @@ def _disk(folder: Path) -> Finding:
     free_gb = shutil.disk_usage(folder).free / 1e9
     detail = f"{free_gb:.1f} GB free in {folder}; a minute of the paper's rig makes a bag of about 20 GB"
     return _finding("disk", free_gb > 5.0, detail, "choose another folder with --out or free some space")
+
+
+def _cache() -> Finding:
+    size, bound = sum(size for _, size in cache_files()), cache_bound_bytes()
+    detail = f"{size / 1e9:.1f} GB in {default_cache_dir()}, at most {bound / 1e9:g} GB ($CARLALOC_CACHE_GB)"
+    return _finding("cache", True, f"{detail}; `carlaloc doctor --clear-cache` empties it")
 
 
 def _optional(module: str, purpose: str, extra: str, *, below: tuple[int, int] | None = None) -> Finding:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -26,7 +27,7 @@ from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, SEQUENCE, Data
 from recorder.dataset.manifest import DatasetManifest, write_manifest
 from recorder.episode.episode import Episode
 from recorder.replaying.conditions import conditions_of
-from recorder.replaying.plan import ReplayConfig, ReplayOptions, rig_of
+from recorder.replaying.plan import ReplayConfig, ReplayCost, ReplayOptions, replay_cost, rig_of
 from recorder.replaying.replay import replay
 
 SAMPLE_FROM_S = 8.0
@@ -88,8 +89,8 @@ class DatasetPlan:
     """Finished units and sequences of unfinished towns."""
     kept: int
     """Size of all existing files [bytes]."""
-    free: int
-    """Disk space that is free [bytes]."""
+    cost: ReplayCost
+    """Disk and time that all drives take, those that are whole included."""
 
     @property
     def driven_s(self) -> float:
@@ -108,20 +109,27 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
     Raises:
         ConfigError: an unknown rig, town, weather or level, or no drive of a town.
         OutputError: the folder cannot be written.
+        WriterError: the disk is too small.
     """
     check_output_folder(config.out)
     rig_of(config.replay)
     has_drives = DatasetFolder(config.out).description.exists()
     whole = DatasetManifest.read(config.out, WriterError).drives if has_drives else {}
     there = [path for path in config.out.rglob("*") if path.is_file()]
+    kept = sum(path.stat().st_size for path in there)
+    lengths_s = {town: length_s(config, town) for town in config.towns}
+    cost = replay_cost(
+        config.replay, [(s, s) for s in lengths_s.values()], config.replay.workers or os.cpu_count() or 1
+    )
+    cost.check(config.out, kept_bytes=kept)
     return DatasetPlan(
         sequences=len(config.towns) * len(conditions_of(config.replay.weathers, config.replay.traffic)),
-        lengths_s={town: length_s(config, town) for town in config.towns},
+        lengths_s=lengths_s,
         whole=tuple(town for town in config.towns if town in whole),
         drives=len([*(config.out / EPISODES).glob("*.mcap")]),
         parts=sum(_is_part(path.relative_to(config.out)) for path in there),
-        kept=sum(path.stat().st_size for path in there),
-        free=shutil.disk_usage(_existing(config.out)).free,
+        kept=kept,
+        cost=cost,
     )
 
 
@@ -143,11 +151,12 @@ def length_s(config: DatasetConfig, town: str) -> float:
             return whole_s if config.sample_s is None else min(config.sample_s, whole_s)
     if config.episodes is not None:
         raise ConfigError(f"{config.episodes} holds no {town}.mcap; record it, or leave it out of --towns")
-    return ROUTE_M.get(town, 800) / PACE_MPS if config.sample_s is None else config.sample_s
+    return expected_drive_s(town) if config.sample_s is None else config.sample_s
 
 
-def _existing(folder: Path) -> Path:
-    return next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+def expected_drive_s(town: str) -> float:
+    """Length of a drive over a town's whole route [s], by the pace of the scripted driver."""
+    return ROUTE_M.get(ALIASES.get(town, town), 800) / PACE_MPS
 
 
 def _is_part(path: Path) -> bool:

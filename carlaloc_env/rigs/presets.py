@@ -148,6 +148,16 @@ RIGS = {
     "dsec": dsec_rig,
 }
 """Makers of the named rigs."""
+RIG_USES = {
+    "paper": "to compare with the paper's results",
+    "flu": "most SLAM systems: axes and LiDAR that they know",
+    "real": "visual SLAM as on a real car: noise, blur, lens",
+    "minimal": "a first look",
+    "lidar": "LiDAR SLAM and small files, without OpenGL",
+    "state": "agents and drives without cameras and LiDAR",
+    "dsec": "event cameras",
+}
+"""The use of each named rig."""
 
 
 def rig_by_name(rig: str | Path) -> SensorRig:
@@ -160,7 +170,7 @@ def rig_by_name(rig: str | Path) -> SensorRig:
         return RIGS[str(rig)]()
     path = Path(rig)
     if path.suffix in (".yaml", ".yml"):
-        return SensorRig.load(path)
+        return SensorRig.load(path, RIGS)
     raise ConfigError(unknown_name("rig", str(rig), RIGS) + ", or a .yaml file")
 
 

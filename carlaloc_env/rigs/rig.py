@@ -6,7 +6,7 @@ How much memory a rig takes, estimated before any of it is taken.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -81,12 +81,13 @@ class SensorRig:
         return text
 
     @classmethod
-    def from_yaml(cls, text: str, where: str = "rig") -> SensorRig:
+    def from_yaml(cls, text: str, where: str = "rig", bases: Bases | None = None) -> SensorRig:
         """Rig of a YAML document.
 
         Args:
             text: The document.
             where: File name for messages.
+            bases: Rigs that the document may extend.
 
         Raises:
             ConfigError: the document is not YAML, or a key, kind or value is not valid.
@@ -95,11 +96,19 @@ class SensorRig:
             document = yaml.safe_load(text)
         except yaml.YAMLError as error:
             raise ConfigError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
-        return cls.from_mapping(document, where)
+        return cls.from_mapping(document, where, bases)
 
     @classmethod
-    def from_mapping(cls, document: object, where: str = "rig") -> SensorRig:
+    def from_mapping(cls, document: object, where: str = "rig", bases: Bases | None = None) -> SensorRig:
         """Rig of plain data, as `to_mapping` gives it.
+
+        With the key ``extends`` the data have the sensors of another rig, too. An entry whose kind and name
+        are those of such a sensor changes the values that it names; any other entry adds a sensor.
+
+        Args:
+            document: The data.
+            where: File name for messages.
+            bases: Rigs that the data may extend, e.g. `presets.RIGS`.
 
         Raises:
             ConfigError: a key, kind or value is not valid.
@@ -112,21 +121,35 @@ class SensorRig:
         entries = document.get("sensors") or []
         if not isinstance(entries, list):
             raise ConfigError(f"{where}: 'sensors' must be a list")
-        sensors = tuple(_sensor(entry, f"{where}: sensors[{i}]") for i, entry in enumerate(entries))
-        faults = Faults.from_mapping(document.get("faults") or {}, f"{where}: faults")
-        return cls(name=str(document.get("name", "rig")), sensors=sensors, faults=faults)
+        base = _base(document.get("extends"), where, bases)
+        sensors = list(base.sensors)
+        left = list(base.sensors)
+        for i, entry in enumerate(entries):
+            here = f"{where}: sensors[{i}]"
+            changed = _changed(entry, left, here)
+            if changed is None:
+                sensors.append(_sensor(entry, here))
+            else:
+                left.remove(changed)
+                sensors[sensors.index(changed)] = _sensor(entry, here, to_mapping(changed))
+        faults = base.faults
+        if document.get("faults"):
+            faults = Faults.from_mapping(document["faults"], f"{where}: faults")
+        return cls(name=str(document.get("name", "rig")), sensors=tuple(sensors), faults=faults)
 
     @classmethod
-    def load(cls, path: Path) -> SensorRig:
-        """Rig of a YAML file.
+    def load(cls, path: Path, bases: Bases | None = None) -> SensorRig:
+        """Rig of a YAML file, see `from_mapping`.
 
         Raises:
             ConfigError: the file cannot be read or is not a valid rig.
         """
-        return cls.from_yaml(read_text(path, "rig"), where=path.name)
+        return cls.from_yaml(read_text(path, "rig"), path.name, bases)
 
 
-_KEYS = ("name", "sensors", "faults")
+Bases = Mapping[str, Callable[[], SensorRig]]
+"""Makers of rigs by name."""
+_KEYS = ("name", "extends", "sensors", "faults")
 """Keys of a rig's file."""
 
 
@@ -173,20 +196,45 @@ class Rig:
         return sensor.schedule.stamps_ns_in(begin, end_ns - sensor.latency_ns + 1)
 
 
-def _sensor(entry: Any, where: str) -> SensorConfig:
+def _base(name: Any, where: str, bases: Bases | None) -> SensorRig:
+    """The rig that a document extends; an empty one where it extends none."""
+    if name is None:
+        return SensorRig()
+    if bases is None:
+        raise ConfigError(f"{where}: 'extends' needs the named rigs; read the file with rig_by_name")
+    if str(name) not in bases:
+        raise ConfigError(f"{where}: extends: {unknown_name('rig', str(name), bases)}")
+    return bases[str(name)]()
+
+
+def _changed(entry: Any, sensors: list[SensorConfig], where: str) -> SensorConfig | None:
+    """The sensor of the extended rig that an entry changes; None: the entry is a new sensor."""
+    if not isinstance(entry, Mapping):
+        return None
+    alike = [sensor for sensor in sensors if sensor.kind == entry.get("kind")]
+    if "name" in entry:
+        return next((sensor for sensor in alike if sensor.name == entry["name"]), None)
+    if len(alike) > 1:
+        names = ", ".join(sensor.name for sensor in alike)
+        raise ConfigError(f"{where}: give the 'name' of the {alike[0].kind} to change: {names}")
+    return alike[0] if alike else None
+
+
+def _sensor(entry: Any, where: str, base: Mapping[str, Any] | None = None) -> SensorConfig:
     if not isinstance(entry, Mapping) or "kind" not in entry:
         raise ConfigError(f"{where}: the key 'kind' is missing; use one of {', '.join(SENSOR_KINDS)}")
     kind = str(entry["kind"])
     if kind not in SENSOR_KINDS:
         raise ConfigError(f"{where}: {unknown_name('kind of sensor', kind, SENSOR_KINDS)}")
+    config = SENSOR_KINDS[kind]
     values = {key: value for key, value in entry.items() if key not in ("kind", "preset")}
     where = f"{where} ({kind})"
-    if "preset" in entry:
-        try:
-            values = {**SENSOR_KINDS[kind].preset_values(str(entry["preset"])), **values}
-        except ConfigError as error:
-            raise ConfigError(f"{where}: {error}") from error
-    return from_mapping(SENSOR_KINDS[kind], values, where)
+    try:
+        preset = config.preset_values(str(entry["preset"])) if "preset" in entry else {}
+        values = config.file_values(values, {**(base or {}), **preset})
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
+    return from_mapping(config, values, where)
 
 
 PIXEL_BYTES = {"low": 200, "medium": 200, "high": 500}

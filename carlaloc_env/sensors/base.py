@@ -195,6 +195,24 @@ class SensorConfig(ABC):
             raise ConfigError(unknown_name(f"preset of {cls.kind}", name, cls.presets))
         return dict(cls.presets[name])
 
+    @classmethod
+    def file_values(cls, values: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+        """Values of a rig's file over those of a preset or of the rig that it extends.
+
+        Args:
+            values: Values of the file.
+            base: The other values; nested mappings are merged.
+
+        Raises:
+            ConfigError: a value has the wrong type.
+        """
+        nested = {
+            key: {**base[key], **value}
+            for key, value in values.items()
+            if isinstance(value, Mapping) and isinstance(base.get(key), Mapping)
+        }
+        return {**base, **values, **nested}
+
     @property
     def frame_id(self) -> str:
         """Name of the sensor's coordinate frame."""

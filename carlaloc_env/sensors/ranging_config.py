@@ -10,9 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import numpy as np
+
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.scene.materials import TAG_TABLES
-from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.base import LIMITS, Mount, SensorConfig
 
 PAPER_ELEVATIONS_DEG: tuple[float, ...] = tuple(round(-30.0 + 40.0 * i / 31, 9) for i in range(32))
 """32 beams evenly from −30° to +10°, as CARLA's LiDAR spaces them [deg]."""
@@ -120,6 +122,27 @@ class LidarConfig(SensorConfig):
             raise ConfigError(f"{what}: sectors and divergence_mrad must not be negative")
         if not self.outputs or set(self.outputs) - set(OUTPUTS):
             raise ConfigError(f"{what}: outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}")
+
+    @classmethod
+    def file_values(cls, values: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+        """As for any sensor; ``beams: 64`` spaces that many beams evenly from the lowest to the highest.
+
+        Raises:
+            ConfigError: `beams` is no whole number, out of range, or beside `elevations_deg`.
+        """
+        found = super(LidarConfig, cls).file_values(values, base)
+        if "beams" not in found:
+            return found
+        beams, most = found.pop("beams"), int(LIMITS["lidar"]["elevations_deg"].high)
+        if not isinstance(beams, int) or not 2 <= beams <= most:
+            raise ConfigError(f"beams: {beams!r}; give a whole number from 2 to {most}")
+        if "elevations_deg" in values:
+            raise ConfigError("beams and elevations_deg exclude each other; give one of them")
+        span_deg = found.get("elevations_deg", PAPER_ELEVATIONS_DEG)
+        found["elevations_deg"] = np.linspace(span_deg[0], span_deg[-1], beams).round(9).tolist()
+        if "firing_ns" not in values:
+            found["firing_ns"] = ()  # those of another number of beams
+        return found
 
     @property
     def sweep_ns(self) -> int:

@@ -21,7 +21,7 @@ from recorder.benchmark.cells import traffic_label
 from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
 from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.benchmark.run import BenchmarkResult
-from recorder.benchmark.tables import RULE, Tables, all_tables, frame_of, titles_of
+from recorder.benchmark.tables import LETTERS, RULE, Tables, all_tables, frame_of, titles_of
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SlamSequence
 from recorder.evaluation.evaluate import PathErrors
@@ -58,6 +58,7 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
     page = Environment(autoescape=True, trim_blocks=True).from_string(template)
     text = page.render(
         rule=RULE,
+        letters=LETTERS,
         tables=all_tables(runs) if tables is None else tables,
         boxes=box_figure(_boxes(result, errors, colour), "APE [m]; 5, 25, 50, 75, 95 %"),
         real_time=real_time_figure(bars) if bars else "",

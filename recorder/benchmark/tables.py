@@ -17,6 +17,10 @@ RULE = (
     "of the frames, or when its APE is more than 0.1 m and half of that of an estimate that never moves. "
     "A cell fails when half of its runs do."
 )
+LETTERS = (
+    "s: static, nothing moves. d: dynamic, among all traffic. e: empty, without parked cars, too. "
+    "seg(d): d without the LiDAR's points on vehicles and walkers."
+)
 _FIGURES = {
     "ape_m": "APE [m], RMSE",
     "rpe_paper_m": "RPE as in the paper [m], RMSE",
@@ -67,7 +71,7 @@ def csv_text(runs: pd.DataFrame) -> str:
 
 def markdown(tables: Tables) -> str:
     """Tables as Markdown."""
-    parts = ["# Benchmark", "", RULE, ""]
+    parts = ["# Benchmark", "", RULE, "", LETTERS, ""]
     for title, table in tables:
         parts += [f"## {title}", "", markdown_table(table), ""]
     return "\n".join(parts)

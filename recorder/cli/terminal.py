@@ -78,6 +78,11 @@ def _in_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
 
 
+def announced(cost: object) -> None:
+    """Write size and time of long work before it begins."""
+    print(cost, file=sys.stderr, flush=True)
+
+
 REDRAW_S, LINE_S = 0.2, 10.0
 """Time between two looks of the bar on a terminal, and between two lines elsewhere [s]."""
 _BAR = "{desc}: {percentage:3.0f}%|{bar}| "

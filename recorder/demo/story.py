@@ -4,7 +4,7 @@ The demo's page: what it has made so far, for a phone and a wide screen.
 """
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,7 +24,8 @@ from recorder.episode.episode import Episode, open_episode
 from recorder.episode.summary import town_of, traffic_level
 from recorder.evaluation.evaluate import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.replaying.replay import Progress, ReplayConfig, ReplayResult, replay
+from recorder.replaying.plan import ReplayConfig, ReplayCost, plan_replay, size_of
+from recorder.replaying.replay import Progress, ReplayResult, finished_replay, replay
 from recorder.report.mosaic import pictures_of_instant, rows_of_three
 from recorder.slam.systems import SYSTEMS
 
@@ -34,6 +35,8 @@ LOOK, LOOK_AT_S = "look.jpg", 5.0
 """Name of the first picture, and its instant of the drive [s]."""
 LOOK_WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
 WEATHERS, TRAFFIC = LOOK_WEATHERS[:2], ("static", "dynamic")
+LOOK_S, SYSTEMS_S = 30.0, 1.5
+"""Time of the first picture, and of all systems for a second of a sequence, on two cores [s]."""
 METHODS = ("small_gicp", "rko_lio", "stereo_vo")
 """Of these, those that are installed: the first two come with the extra `slam`."""
 REPORT = all(find_spec(name) is not None for name in ("matplotlib", "pandas"))
@@ -89,22 +92,36 @@ def first_look(config: DemoConfig, report: RunProgress) -> Path:
     return path
 
 
+def cost_of(config: DemoConfig) -> ReplayCost:
+    """Disk and time of the whole demo.
+
+    Raises:
+        WriterError: the disk cannot hold it.
+    """
+    cost = plan_replay(_replay_of(config)).cost()
+    cost.check(config.out, kept_bytes=size_of(config.out))
+    driven_s = len(WEATHERS) * len(TRAFFIC) * config.duration_s
+    return replace(cost, seconds=cost.seconds + LOOK_S + SYSTEMS_S * driven_s)
+
+
 def replay_drive(config: DemoConfig, progress: Progress) -> ReplayResult:
-    """Write the drive as four sequences, each with a bag, EuRoC's files and a film."""
-    return replay(
-        ReplayConfig(
-            episode=DRIVE,
-            out=config.out / "data",
-            weathers=WEATHERS,
-            traffic=TRAFFIC,
-            rig="flu",
-            formats=("rosbag1", "euroc"),
-            topics="slam",
-            duration_s=config.duration_s,
-            camera_start_s=config.camera_start_s,
-            camera_duration_s=config.camera_duration_s,
-        ),
-        progress,
+    """Write the drive as four sequences, each with a bag, EuRoC's files and a film; whole ones are kept."""
+    replayed = _replay_of(config)
+    return finished_replay(replayed) or replay(replayed, progress)
+
+
+def _replay_of(config: DemoConfig) -> ReplayConfig:
+    return ReplayConfig(
+        episode=DRIVE,
+        out=config.out / "data",
+        weathers=WEATHERS,
+        traffic=TRAFFIC,
+        rig="flu",
+        formats=("rosbag1", "euroc"),
+        topics="slam",
+        duration_s=config.duration_s,
+        camera_start_s=config.camera_start_s,
+        camera_duration_s=config.camera_duration_s,
     )
 
 

@@ -72,7 +72,8 @@ class EpisodeSummary:
     table_length_m: float | None
     """Length that the paper's Table III gives for this town's route [m], None where it gives none."""
     meets_table: bool | None
-    """Whether the distance driven (within 1 %) and loop are as the table says; None where it gives none."""
+    """Whether the distance driven (within 1 %) and loop are as the table says; None where it gives none, and
+    for drives by other than the scripted driver, who may take another way."""
     complete: bool
     """Whether the file is whole."""
     health: str
@@ -107,7 +108,7 @@ def summarise(episode: Episode) -> EpisodeSummary:
     loop = bool(episode.header.route.get("closed"))
     counts = Counter(event.kind for event in episode.events)
     meets = None
-    if table_m is not None:
+    if table_m is not None and episode.header.device == "scripted":
         meets = abs(driven_m - table_m) <= TABLE_FRACTION * table_m and (closed or not loop)
     good_until = f"good until {episode.last_good_ns / 1e9:.3f} s"
     return EpisodeSummary(

@@ -7,7 +7,6 @@ Position errors of an estimate along its path, kept so that it need not be evalu
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -22,8 +21,6 @@ from recorder.evaluation.align import Alignment, Similarity, align, roll_is_open
 from recorder.evaluation.associate import MAX_GAP_NS, Association, associate
 from recorder.evaluation.metrics import Metric, SegmentError, Statistics, errors, segment_errors
 from recorder.evaluation.trajectory import Trajectory
-
-_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -133,10 +130,6 @@ def evaluate(
     roll_open = alignment in (Alignment.SE3, Alignment.SIM3) and roll_is_open(true, aligned)
     values = {metric: errors(metric, true, aligned, delta=delta) for metric in metrics}
     if roll_open and Metric.APE_ROTATION in values:
-        _LOG.warning(
-            "the path of '%s' is nearly straight: the alignment leaves the roll about it open, so the "
-            "rotation error is that after the roll that fits attitudes best", truth.name,
-        )  # fmt: skip
         values[Metric.APE_ROTATION] = errors(Metric.APE_ROTATION, true, rolled(true, aligned))
     return EvaluationResult(
         truth=true,

@@ -10,8 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recorder.dataset.manifest import SequenceDescription
-from recorder.replaying.plan import ReplayConfig, ReplayOptions, ReplayPlan, plan_replay, rig_of
-from recorder.replaying.working_folder import WorkingFolder
+from recorder.replaying.plan import (
+    ReplayConfig,
+    ReplayCost,
+    ReplayOptions,
+    ReplayPlan,
+    plan_replay,
+    rig_of,
+    size_of,
+)
+from recorder.replaying.working_folder import FOLDER, WorkingFolder
 
 __all__ = ["Progress", "ReplayConfig", "ReplayOptions", "ReplayResult", "replay", "rig_of"]
 
@@ -34,7 +42,11 @@ class ReplayResult:
 
 
 def replay(
-    config: ReplayConfig, progress: Progress | None = None, *, later_s: Sequence[float] = ()
+    config: ReplayConfig,
+    progress: Progress | None = None,
+    *,
+    later_s: Sequence[float] = (),
+    announce: Callable[[ReplayCost], None] | None = None,
 ) -> ReplayResult:
     """Replay an episode and write all its sequences.
 
@@ -45,7 +57,8 @@ def replay(
         config: Configuration of the replay.
         progress: Called about every second with the progress of all levels.
         later_s: Lengths of further drives that will be replayed like this one [s]; if they
-            do not fit on the disk, too, the replay is refused after the first unit.
+            do not fit on the disk, too, the replay is refused.
+        announce: Called with size and time of these replays before anything is made.
 
     Raises:
         ConfigError: an unknown rig, weather, format or level, or a stretch outside the drive.
@@ -58,6 +71,10 @@ def replay(
     with WorkingFolder(config.out, plan.town.name, plan.origin, plan.request) as work:
         if not work.is_done:
             begun = plan.check_room()
+            cost = plan.cost(later_s)
+            cost.check(config.out, kept_bytes=size_of(work.path))
+            if announce is not None:
+                announce(cost)
             # Imported after all checks: this imports the renderer and the writers.
             from recorder.replaying.run import ReplayRun
 
@@ -65,6 +82,17 @@ def replay(
             ReplayRun(plan, work, on_progress, later_s).run(with_shared=not begun)
             work.publish()
     return _result(plan)
+
+
+def finished_replay(config: ReplayConfig) -> ReplayResult | None:
+    """The result of a replay whose sequences are all whole already; None: there is work left.
+
+    Raises:
+        CarlaLocError: as of `replay`.
+    """
+    plan = plan_replay(config)
+    is_whole = all(folder.description.is_file() for folder in plan.sequences)
+    return _result(plan) if is_whole and not (config.out / FOLDER).exists() else None
 
 
 def _result(plan: ReplayPlan) -> ReplayResult:

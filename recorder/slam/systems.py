@@ -132,7 +132,7 @@ def _evalio(name: str, title: str, what: str) -> System:
         name=name, title=title, what=f"{what}, in evalio", needs=("lidar", "imu"),
         runner=f"{_RUNNERS}.evalio:{name}", frame="imu", instant=START,
         instant_source="evalio's pipelines return the pose at the stamp of the sweep",
-        library="evalio", package="evalio",
+        library="evalio", package="evalio", extra="evalio",
     )  # fmt: skip
 
 

@@ -68,3 +68,15 @@ def test_bash_completes_commands_and_options(tmp_path: Path) -> None:
         [bash, "-c", ask.format(words="replay --we", at=2)], capture_output=True, text=True, check=False
     ).stdout.split()
     assert options == ["--weather"]
+
+
+def test_a_rig_is_printed_as_the_file_that_makes_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["list", "rigs", "lidar", "--yaml"]) == 0
+    path = tmp_path / "mine.yaml"
+    path.write_text(capsys.readouterr().out)
+    assert rig_by_name(path) == rig_by_name("lidar")
+    assert main(["list", "rigs", "lidr"]) == 1
+    assert "did you mean 'lidar'" in capsys.readouterr().err
+    assert main(["list", "rigs", "--yaml"]) == 2

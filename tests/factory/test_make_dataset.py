@@ -17,6 +17,7 @@ from recorder.cli.main import main
 from recorder.dataset.layout import checksums, read_checksums
 from recorder.dataset.manifest import DatasetManifest
 from recorder.factory import DatasetConfig, copy_manifest, make_dataset, plan_dataset
+from recorder.replaying import plan as plans
 from recorder.replaying.plan import ReplayOptions
 from recorder.verification.verify import verify
 
@@ -98,6 +99,11 @@ def test_too_little_room_is_told_after_the_first_unit_and_the_same_call_goes_on(
     full = shutil.disk_usage("/")._replace(free=1000)
     with monkeypatch.context() as patch:
         patch.setattr(shutil, "disk_usage", lambda _: full)
+        with pytest.raises(WriterError, match=r"about 0\.0 GB \(±30%\), and 0\.0 GB are free"):
+            make_dataset(config)
+        assert not list(config.out.rglob("*.spool"))
+        # An estimate that is too small by far leaves it to the first unit.
+        patch.setattr(plans, "SIZE_ERROR", 1.0)
         with pytest.raises(WriterError, match="1 parts are whole, and the same command resumes") as failure:
             make_dataset(config)
     told = re.search(r"the rest needs about (\S+) GB, and 0\.000 GB are free in", str(failure.value))
@@ -135,7 +141,7 @@ def test_nobody_is_asked_where_nobody_is(
     assert lines[0] == "6 sequences: 1 town, ClearNoon, FoggyNoon, RainyNight; static, dynamic"
     assert lines[1] == f"0:00:01 of driving by drives of {config.episodes}"
     assert re.match(
-        r"[\d.]+ GB are free in .*; the first unit shows whether they suffice, and how long", lines[2]
+        r"about [\d.]+ GB and at times [\d.]+ GB more \(±30%\); about \d+ s with \d+ process", lines[2]
     )
     assert "going on" not in told
     assert "give --yes" in told

@@ -163,3 +163,49 @@ def test_configurations_are_frozen_and_slotted() -> None:
             config(no_such_field=1)  # type: ignore[call-arg]
     with pytest.raises((dataclasses.FrozenInstanceError, AttributeError, TypeError)):
         ImuConfig().rate = 3  # type: ignore[attr-defined]
+
+
+def test_a_rig_extends_another_by_what_differs(tmp_path: Path) -> None:
+    """64 beams and 30 cm higher are two lines; everything else stays that of the rig `lidar`."""
+    path = tmp_path / "high.yaml"
+    path.write_text(
+        "extends: lidar\nsensors:\n- kind: lidar\n  beams: 64\n  mount: {position_m: [1.2, 0.0, 2.15]}\n"
+    )
+    plain, high = rig_by_name("lidar"), rig_by_name(path)
+    (before,), (after,) = plain.of_kind("lidar"), high.of_kind("lidar")
+    assert isinstance(before, LidarConfig)
+    assert isinstance(after, LidarConfig)
+    assert after.mount.position_m == (*before.mount.position_m[:2], before.mount.position_m[2] + 0.3)
+    step_deg = np.diff(after.elevations_deg)
+    assert len(after.elevations_deg) == 64
+    assert step_deg == pytest.approx(np.full(63, (10.67 + 30.67) / 63))
+    assert (after.columns, after.elevation_offset_deg, after.firing_ns) == (1085, 0.02, ())
+    assert [s for s in high.sensors if s.kind != "lidar"] == [s for s in plain.sensors if s.kind != "lidar"]
+    assert SensorRig.from_yaml(high.to_yaml()) == high
+
+
+def test_an_extended_rig_keeps_axes_and_gets_sensors() -> None:
+    """A mount's other values stay; an entry of a new name is a new sensor; a kind of several needs a name."""
+    entries = "[{kind: imu, mount: {position_m: [1, 0, 1]}}, {kind: radar, name: back}]"
+    text = f"extends: paper\nsensors: {entries}\n"
+    paper, rig = rig_by_name("paper"), SensorRig.from_yaml(text, bases=RIGS)
+    assert rig.of_kind("imu")[0].mount == Mount(position_m=(1.0, 0.0, 1.0), axes="paper_imu")
+    assert [s.name for s in rig.sensors] == [*(s.name for s in paper.sensors), "back"]
+    with pytest.raises(ConfigError, match="give the 'name' of the radar to change: front, left, right"):
+        SensorRig.from_yaml("extends: paper\nsensors: [{kind: radar, rate_hz: 10}]", bases=RIGS)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("extends: lidr", "did you mean 'lidar'"),
+        ("extends: [lidar]", "no rig"),
+        ("extend: lidar", "did you mean 'extends'"),
+        ("extends: lidar\nsensors: [{kind: lidar, beam: 64}]", "unknown key 'beam'|no key 'beam'"),
+        ("extends: lidar\nsensors: [{kind: lidar, beams: many}]", "give a whole number from 2 to 256"),
+        ("sensors: [{kind: lidar, beams: 8, elevations_deg: [0]}]", "exclude each other"),
+    ],
+)
+def test_mistakes_in_an_extension_are_named(text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        SensorRig.from_yaml(text, bases=RIGS)

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,11 @@ import pytest
 from shared_fixtures.processes.commands import all_commands
 
 from carlaloc_env.core.errors import RaycastError, RenderError
+from recorder.cli.arguments import replay_options
 from recorder.cli.main import COMMANDS, main, make_parser
+from recorder.demo.story import DemoConfig, cost_of
 from recorder.evaluation.trajectory_files import read_tum
+from recorder.replaying.plan import ReplayOptions, replay_cost
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
@@ -86,6 +90,20 @@ def test_the_page_of_commands_lists_every_command() -> None:
 def test_readme_is_short() -> None:
     """A stranger reads it in three minutes; tables and details belong to docs."""
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 700
+
+
+def test_readme_as_it_stands_fits_into_5_gb() -> None:
+    """Demo, replay and dataset together, by the sizes that the commands print before they begin."""
+    cost = cost_of(DemoConfig(out=ROOT))
+    for words in command_lines(ROOT / "README.md"):
+        if words[0] in ("replay", "dataset"):
+            arguments = make_parser().parse_args(words)
+            options = ReplayOptions(**replay_options(arguments))
+            lengths_s = [(arguments.duration, arguments.camera_duration)] if words[0] == "replay" else []
+            lengths_s = lengths_s or [(arguments.sample, arguments.sample)] * len(arguments.towns)
+            more = replay_cost(options, lengths_s, 2)
+            cost = replace(more, written_bytes=cost.written_bytes + more.written_bytes)
+    assert 3e9 < cost.written_bytes + cost.spooled_bytes < 5e9
 
 
 def test_the_first_lines_run(

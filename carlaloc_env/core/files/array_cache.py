@@ -68,12 +68,59 @@ ALIGNED_BYTES = 64
 """Values of each array begin at a multiple of this, so that they can be used where they lie."""
 _KEY = re.compile(r"-[0-9a-f]+")
 """Digest at the end of a folder's name."""
+_KEPT = re.compile(r"[^.].*-[0-9a-f]{32}\.[a-z]+")
+"""Name of a kept file."""
 
 
 def default_cache_dir() -> Path:
-    """`$CARLALOC_CACHE`, or `~/.cache/carlaloc`."""
-    chosen = os.environ.get("CARLALOC_CACHE")
-    return Path(chosen) if chosen else Path.home() / ".cache" / "carlaloc"
+    """`$CARLALOC_CACHE`, or `carlaloc` in `$XDG_CACHE_HOME` or else in `~/.cache`."""
+    if chosen := os.environ.get("CARLALOC_CACHE"):
+        return Path(chosen)
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    # A relative path there is not valid (XDG Base Directory Specification).
+    return (base if base.is_absolute() else Path.home() / ".cache") / "carlaloc"
+
+
+def cache_bound_bytes() -> float:
+    """Size that the cache keeps to [bytes]: `$CARLALOC_CACHE_GB`, else 10 GB."""
+    try:
+        return 1e9 * float(os.environ["CARLALOC_CACHE_GB"])
+    except (KeyError, ValueError):
+        return 1e10
+
+
+def cache_files(folder: Path | None = None) -> list[tuple[Path, int]]:
+    """Kept files and their sizes [bytes], the file that was used longest ago first.
+
+    Args:
+        folder: Where files lie; `default_cache_dir` when left out.
+    """
+    found = []
+    for path in (folder or default_cache_dir()).glob("*-*"):
+        # Another process may delete a file meanwhile.
+        with suppress(OSError):
+            if _KEPT.fullmatch(path.name):
+                found.append((path, path.stat().st_size))
+    return sorted(found, key=lambda kept: _used_s(kept[0]))
+
+
+def clear_cache(bound_bytes: float = 0.0, *, stays: Path | None = None) -> int:
+    """Delete the files that were used longest ago, until the rest keeps to a bound.
+
+    Args:
+        bound_bytes: The bound.
+        stays: A file that is not deleted, in the folder of the cache.
+
+    Returns:
+        Size of the deleted files [bytes].
+    """
+    files = cache_files(stays.parent if stays else None)
+    whole = left = sum(size for _, size in files)
+    for path, size in files:
+        if left > bound_bytes and path != stays:
+            path.unlink(missing_ok=True)
+            left -= size
+    return whole - left
 
 
 def content_hash(*parts: bytes) -> str:
@@ -160,6 +207,7 @@ def _made(stored: Path, make: Callable[[], T], to_arrays: Callable[[T], Arrays],
     try:
         save(stored, to_arrays(made))
         _drop_old(stored, kept_files)
+        clear_cache(cache_bound_bytes(), stays=stored)
     except (OSError, OutputError) as error:
         _log.warning("%s cannot be cached: %s", stored.name, error)
     return made

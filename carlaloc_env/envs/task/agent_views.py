@@ -260,7 +260,7 @@ def rig_of(rig: str | Path | SensorRig | Mapping[str, Any], quality: str) -> str
     if isinstance(rig, str) and rig in AGENT_RIGS:
         return rig
     if isinstance(rig, Mapping):
-        rig = SensorRig.from_mapping(rig)
+        rig = SensorRig.from_mapping(rig, bases=RIGS)
     elif not isinstance(rig, SensorRig):
         known = {*RIGS, *AGENT_RIGS}
         if str(rig) not in known and Path(rig).suffix not in (".yaml", ".yml"):

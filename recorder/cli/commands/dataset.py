@@ -88,15 +88,14 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _print_plan(config: DatasetConfig, plan: DatasetPlan) -> None:
-    """Print what will be made, what is kept of an earlier run, and the room that there is."""
+    """Print what will be made, size and time, and what is kept of an earlier run."""
     driver = "the scripted driver" if config.episodes is None else f"drives of {config.episodes}"
     towns = "1 town" if len(config.towns) == 1 else f"{len(config.towns)} towns"
     lines = [
         f"{plan.sequences} sequences: {towns}, {', '.join(config.replay.weathers)}; "
         + ", ".join(config.replay.traffic),
         f"{timedelta(seconds=round(plan.driven_s))} of driving by {driver}",
-        f"{plan.free / 1e9:.1f} GB are free in {config.out}; the first unit shows whether they suffice, and "
-        "how long it takes",
+        str(plan.cost),
     ]
     if plan.drives or plan.whole:
         lines.append(

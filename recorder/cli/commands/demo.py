@@ -6,13 +6,21 @@ Examples:
 """
 
 import argparse
+import json
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
+from carlaloc_env.core.files.output_paths import take_lock
 from recorder.cli.arguments import OutputFolder, option, positive_seconds, seconds
-from recorder.cli.terminal import Progress
+from recorder.cli.terminal import Progress, announced
+
+UNFINISHED = ".carlaloc-demo"
+"""File that marks the folder of an unfinished demo; locked, so that one run works at a time."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=OutputFolder(),
         default=Path("carlaloc-demo"),
-        help="folder for the results (default: carlaloc-demo, or the next number of it)",
+        help="folder for the results (default: carlaloc-demo, or the next number of it); the same command "
+        "resumes an unfinished demo",
     )
     parser.add_argument("--look", action="store_true", help="end after the first picture")
     option(parser, "--duration", positive_seconds, "S", "replayed (20)", 20.0)
@@ -30,12 +39,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Run the demo, and write its page after every step."""
+    """Run the demo, or what an interrupted one has left to do."""
+    from recorder.replaying.conditions import code_digest
+
+    options = {name: getattr(arguments, name) for name in ("duration", "camera_start", "camera_duration")}
+    with _folder(arguments.out, json.dumps([options, code_digest()])) as out:
+        return _show_steps(arguments, out)
+
+
+def _show_steps(arguments: argparse.Namespace, out: Path) -> dict[str, Any]:
+    """Run the steps, and write the demo's page after each."""
     began = time.monotonic()
     from recorder.demo.story import (
         EXTRAS,
+        LOOK,
         STEPS,
         DemoConfig,
+        cost_of,
         draw_story,
         first_look,
         replay_drive,
@@ -45,15 +65,18 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     )
 
     config = DemoConfig(
-        out=_free(arguments.out),
+        out=out,
         duration_s=arguments.duration,
         camera_start_s=arguments.camera_start,
         camera_duration_s=arguments.camera_duration,
     )
     ended = len(STEPS) + 1
     titles = [f"{number}/{len(STEPS)} {step}" for number, step in enumerate(STEPS, start=1)]
-    with Progress(titles[0], unit="parts") as progress:
-        first_look(config, progress.pieces)
+    if not arguments.look:
+        announced(cost_of(config))
+    if not (out / LOOK).exists():
+        with Progress(titles[0], unit="parts") as progress:
+            first_look(config, progress.pieces)
     page = write_index(config.out, [], {}, [], step=ended if arguments.look else 2)
     print(f"look at {page} after {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
     if arguments.look:
@@ -81,13 +104,33 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _free(out: Path) -> Path:
-    """The folder itself, or the first of its name with a number that does not exist yet."""
-    candidate, number = out, 2
-    while candidate.exists():
-        candidate, number = out.with_name(f"{out.name}-{number}"), number + 1
-    candidate.mkdir(parents=True)
-    return candidate
+@contextmanager
+def _folder(out: Path, demo: str) -> Iterator[Path]:
+    """Hold the folder of an unfinished demo, or a new one: of that name, or with the first free number.
+
+    Args:
+        out: The folder.
+        demo: All that determines what the demo writes.
+    """
+    for candidate in (out, *(out.with_name(f"{out.name}-{number}") for number in range(2, 10_000))):
+        mark = candidate / UNFINISHED
+        if candidate.exists() and not mark.exists():
+            continue
+        candidate.mkdir(parents=True, exist_ok=True)
+        with mark.open("a+", encoding="utf-8") as file:
+            file.seek(0)
+            if not take_lock(file) or file.read() not in ("", demo):
+                continue
+            file.truncate(0)
+            file.write(demo)
+            file.flush()
+            try:
+                yield candidate
+                mark.unlink()
+            finally:
+                if [*candidate.iterdir()] == [mark]:
+                    rmtree(candidate)
+        return
 
 
 def show(result: dict[str, Any]) -> None:

@@ -7,10 +7,15 @@ from typing import Any
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc doctor`."""
+    parser.add_argument("--clear-cache", action="store_true", help="delete kept towns, models and textures")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Examine this machine."""
+    """Examine this machine, or clear the cache."""
+    if arguments.clear_cache:
+        from carlaloc_env.core.files.array_cache import clear_cache, default_cache_dir
+
+        return {"cleared_bytes": clear_cache(), "cache": str(default_cache_dir())}
     from recorder.doctor import examine
 
     report = examine()
@@ -22,7 +27,10 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def show(result: dict[str, Any]) -> None:
-    """Print the findings."""
+    """Print the findings, or the size of the deleted files."""
+    if "cache" in result:
+        print(f"deleted {result['cleared_bytes'] / 1e9:.2f} GB in {result['cache']}")
+        return
     for finding in result["findings"]:
         mark = "ok  " if finding["works"] else "FAIL" if finding["needed"] else "--  "
         print(f"{mark} {finding['name']:<12} {finding['detail']}")

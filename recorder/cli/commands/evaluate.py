@@ -185,6 +185,8 @@ def show(result: dict[str, Any]) -> None:
                 f"  {metric['label']:<58} rmse {metric['rmse']:.4f}  mean {metric['mean']:.4f}  "
                 f"max {metric['max']:.4f} {metric['unit']}"
             )
+    if any(row["roll_from_attitudes"] for row in result["results"]):
+        print("  APE, rotation: on this nearly straight path, after the roll that fits the attitudes best")
     for found in result["maps"]:
         ghosts = f"{found['ghosts']:,} ghosts ({found['ghost_rate']:.2%})"
         print(f"{found['map']}  {found['points']:,} points, {ghosts}")

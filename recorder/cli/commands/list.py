@@ -3,25 +3,45 @@
 Examples:
   carlaloc list weathers
   carlaloc list formats --json
+  carlaloc list rigs lidar --yaml
 """
 
 import argparse
 from collections.abc import Callable
 from typing import Any
 
+from carlaloc_env.core.errors import ConfigError, UsageError, unknown_name
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc list`."""
     parser.add_argument("kind", choices=tuple(KINDS), metavar="KIND", help=", ".join(KINDS))
+    parser.add_argument("name", nargs="?", help="one name of them")
+    parser.add_argument("--yaml", action="store_true", help="print a rig as the YAML file of --rig")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Collect the names."""
-    return {"kind": arguments.kind, "names": KINDS[arguments.kind]()}
+    names, name = KINDS[arguments.kind](), arguments.name
+    if arguments.yaml and (arguments.kind != "rigs" or name is None):
+        raise UsageError("--yaml prints one rig: carlaloc list rigs lidar --yaml")
+    if name is not None:
+        if name not in names:
+            raise ConfigError(unknown_name(arguments.kind.removesuffix("s"), name, names))
+        names = {name: names[name]}
+    found = {"kind": arguments.kind, "names": names}
+    if arguments.yaml:
+        from carlaloc_env.rigs.presets import rig_by_name
+
+        found["yaml"] = rig_by_name(name).to_yaml()
+    return found
 
 
 def show(result: dict[str, Any]) -> None:
-    """Print a line for each name."""
+    """Print a line for each name, or a rig."""
+    if "yaml" in result:
+        print(result["yaml"], end="")
+        return
     width = max(len(name) for name in result["names"])
     for name, what in result["names"].items():
         print(f"{name:<{width}}  {what}".rstrip())
@@ -44,10 +64,11 @@ def _traffic() -> dict[str, str]:
 
 
 def _rigs() -> dict[str, str]:
-    from carlaloc_env.rigs.presets import RIGS
+    from carlaloc_env.rigs.presets import RIG_USES, RIGS
 
     return {
-        name: ", ".join(s.name if s.kind == s.name else f"{s.kind} {s.name}" for s in make().sensors)
+        name: f"{RIG_USES[name]}: "
+        + ", ".join(s.name if s.kind == s.name else f"{s.kind} {s.name}" for s in make().sensors)
         for name, make in RIGS.items()
     }
 

@@ -16,9 +16,10 @@ import sys
 from contextlib import ExitStack
 from dataclasses import asdict
 from importlib import import_module
+from shutil import disk_usage
 from typing import TYPE_CHECKING, Any
 
-from carlaloc_env.core.errors import UsageError
+from carlaloc_env.core.errors import OutputError, UsageError
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import (
     OutputFile,
@@ -29,12 +30,16 @@ from recorder.cli.arguments import (
     positive_seconds,
     seed,
 )
-from recorder.cli.terminal import Progress
+from recorder.cli.terminal import Progress, announced
 from recorder.devices.base import HUMAN, wants_window
 
 if TYPE_CHECKING:
+    from recorder.drive.record import RecordConfig
     from recorder.window.start_screen import Opening
 
+BYTES_S, START_S, SPEED, FACTOR = 9e4, 20.0, 5.0, 2
+"""Size of a second of a drive, time until the first, seconds that the scripted driver drives in one, and the
+factor within which these are right; measured in the towns' traffic."""
 _TOWN, _WEATHER, _TRAFFIC = "Town03", "ClearNoon", "dynamic"
 
 
@@ -138,6 +143,7 @@ def _record(arguments: argparse.Namespace, opening: Opening | None) -> dict[str,
         traffic=arguments.traffic or _TRAFFIC, weather=arguments.weather or _WEATHER,
         overwrite=arguments.force,
     )  # fmt: skip
+    _announce(config)
     with Progress("recording") as progress:
 
         def report(driven_s: float, route_m: float) -> None:
@@ -146,6 +152,25 @@ def _record(arguments: argparse.Namespace, opening: Opening | None) -> dict[str,
         result = record(config, progress=report, opening=opening)
     files = {"attempts": [str(p) for p in result.attempts], "photos": [str(p) for p in result.photos]}
     return {**asdict(result), "path": str(result.path), **files}
+
+
+def _announce(config: RecordConfig) -> None:
+    """Write size and time of a drive before it begins, and refuse one that the disk cannot hold."""
+    from recorder.factory import expected_drive_s
+
+    long_s = config.duration_s or expected_drive_s(config.map)
+    size = long_s * BYTES_S
+    free = disk_usage(next(path for path in config.out.absolute().parents if path.exists())).free
+    if size > FACTOR * free:
+        raise OutputError(
+            f"{long_s:.0f} s of driving need about {size / 1e6:.0f} MB (within a factor of {FACTOR}), and "
+            f"{free / 1e6:.0f} MB are free for {config.out}; make room, or choose another --out"
+        )
+    time_s = long_s if config.wants_window else START_S + long_s / SPEED
+    announced(
+        f"about {size / 1e6:.0f} MB and {time_s:.0f} s for {long_s:.0f} s of driving (a factor of {FACTOR}); "
+        "the first drive in a town takes a minute more"
+    )
 
 
 def _calibrate(arguments: argparse.Namespace) -> dict[str, Any]:

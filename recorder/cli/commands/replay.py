@@ -23,7 +23,7 @@ from recorder.cli.arguments import (
     replay_options,
     seconds,
 )
-from recorder.cli.terminal import Progress
+from recorder.cli.terminal import Progress, announced
 
 if TYPE_CHECKING:
     from recorder.replaying.plan import ReplayConfig
@@ -51,9 +51,15 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         camera_duration_s=arguments.camera_duration,
     )  # fmt: skip
     found = []
-    for replayed in _of_noise_seeds(config, arguments.noise_seeds):
+    replays = _of_noise_seeds(config, arguments.noise_seeds)
+    for number, replayed in enumerate(replays, start=1):
+        later_s = _later_s(config, len(replays) - number)
         with Progress("replaying") as progress:
-            found.append(replay(replayed, progress.update))
+            found.append(
+                replay(
+                    replayed, progress.update, later_s=later_s, announce=announced if number == 1 else None
+                )
+            )
     samples: Counter[str] = Counter()
     for result in found:
         samples.update(result.samples)
@@ -75,6 +81,16 @@ def _of_noise_seeds(config: ReplayConfig, count: int) -> list[ReplayConfig]:
     if first is None:
         first = open_episode(config.episode).header.seed
     return [replace(config, seed=first + k, out=config.out / f"seed{first + k}") for k in range(count)]
+
+
+def _later_s(config: ReplayConfig, count: int) -> list[float]:
+    """Lengths of as many replays of the same stretch [s]."""
+    if count == 0:
+        return []
+    from recorder.episode.episode import open_episode
+
+    whole_s = open_episode(config.episode).duration_s - config.start_s
+    return [min(config.duration_s or whole_s, whole_s)] * count
 
 
 def show(result: dict[str, Any]) -> None:

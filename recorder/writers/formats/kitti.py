@@ -224,19 +224,16 @@ class KittiWriter(Writer):
         return position, transforms.quat_slerp(quats[after - 1], quats[after], fraction)
 
     def _calib(self) -> str:
-        """Projections of the cameras, relative to the left one, and the LiDAR's place in it."""
+        """Projections of the cameras, if any, relative to the left one, and the LiDAR's place in it."""
         T_camera_base = np.linalg.inv(self._T_base_camera)
         lines = []
-        for k in range(4):
-            cameras = self._calibration.cameras
-            camera = cameras[k - 2] if 2 <= k < 2 + len(cameras) else (cameras[0] if cameras else None)
-            P = np.eye(3, 4)
-            if camera is not None:
-                p = camera.pinhole
-                K = np.array([[p.fx_px, 0.0, p.cx_px], [0.0, p.fy_px, p.cy_px], [0.0, 0.0, 1.0]])
-                T_camera_left = np.linalg.inv(camera.T_base_camera) @ self._T_base_camera
-                P = K @ T_camera_left[:3]
-            lines.append(f"P{k}: {_numbers(P)}")
+        cameras = self._calibration.cameras
+        for k in range(4 if cameras else 0):
+            camera = cameras[k - 2] if 2 <= k < 2 + len(cameras) else cameras[0]
+            p = camera.pinhole
+            K = np.array([[p.fx_px, 0.0, p.cx_px], [0.0, p.fy_px, p.cy_px], [0.0, 0.0, 1.0]])
+            T_camera_left = np.linalg.inv(camera.T_base_camera) @ self._T_base_camera
+            lines.append(f"P{k}: {_numbers(K @ T_camera_left[:3])}")
         lines.append(f"Tr: {_numbers((T_camera_base @ self._lidar.T_base_lidar)[:3])}")
         return "\n".join(lines) + "\n"
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.core.files.array_cache import cached
+from carlaloc_env.core.files.array_cache import cached, default_cache_dir
+from recorder.cli.main import main
 
 
 def fetch(folder: Path, value: float) -> float:
@@ -56,3 +57,37 @@ def test_what_others_can_write_or_own_is_not_believed(
         assert fetch(folder, 2.0) == 2.0
     assert why in caplog.text
     assert len(caplog.records) == 1
+
+
+def test_the_cache_follows_xdg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`$CARLALOC_CACHE` first, then an absolute `$XDG_CACHE_HOME`, then the home folder."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path / "mine"))
+    assert default_cache_dir() == tmp_path / "mine"
+    monkeypatch.delenv("CARLALOC_CACHE")
+    assert default_cache_dir() == tmp_path / "xdg" / "carlaloc"
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert default_cache_dir() == tmp_path / "home" / ".cache" / "carlaloc"
+
+
+def test_the_cache_keeps_to_its_bound_and_is_cleared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was used longest ago goes, never what was made just now, and no file of another's."""
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    old, new = (cache / f"Town0{k}-{k * 32}.town" for k in "12")
+    foreign = [cache / "photo-cafe.jpg", cache / "notes.txt"]
+    for age, path in enumerate([new, old, *foreign]):
+        path.write_bytes(b"x" * 400_000)
+        os.utime(path, (1e9 - age, 1e9 - age))
+    monkeypatch.setenv("CARLALOC_CACHE_GB", "0.0005")
+    fetch(cache, 1.0)
+    assert sorted(cache.glob("Town*")) == [new]
+    assert len(list(cache.glob("number-*.test"))) == 1
+    monkeypatch.setenv("CARLALOC_CACHE", str(cache))
+    assert main(["doctor", "--clear-cache"]) == 0
+    assert "deleted 0.00 GB in" in capsys.readouterr().out
+    assert not [*cache.glob("*.town"), *cache.glob("number-*")]
+    assert all(path.exists() for path in foreign)

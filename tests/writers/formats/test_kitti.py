@@ -1,5 +1,6 @@
 """KITTI's layout, against its definitions, against evo's reader and against a drive in closed form."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -121,6 +122,13 @@ def test_projection_into_the_right_camera(folder: Path) -> None:
     assert left[:, :3].tolist() == [[p.fx_px, 0, p.cx_px], [0, p.fy_px, p.cy_px], [0, 0, 1]]
     # KITTI's fourth column of a camera to the right: −fx · baseline.
     assert right[0, 3] == pytest.approx(-PINHOLE.fx_px * 0.4)
+
+
+def test_without_cameras_there_are_no_projections(tmp_path: Path) -> None:
+    """A matrix of zeros and ones would be taken for a camera's."""
+    blind = replace(rig(), cameras=())
+    path = write_all(KittiWriter(tmp_path / "00", KittiEncoder(blind)), drive(blind))
+    assert set(calib(path)) == {"Tr"}
 
 
 def test_labels_tell_what_moves(folder: Path) -> None:
