@@ -154,6 +154,8 @@ def _unread(element: Element) -> Iterator[tuple[Element, str, bool]]:
         return
     table, parent = known_elements(), element.getparent().tag
     entry = table.get(f"{parent}/{element.tag}") or table.get(element.tag)
+    if not len(element) and not element.attrib and not (element.text or "").strip():
+        return
     if entry is not None and "missing" in entry:
         yield element, f"is not read: {entry['missing']}", True
     elif entry is None or parent not in entry.get("in", "").split():
@@ -167,7 +169,10 @@ def _unread(element: Element) -> Iterator[tuple[Element, str, bool]]:
 def _unread_attributes(element: Element, entry: dict[str, Any]) -> Iterator[tuple[Element, str, bool]]:
     unread = {**known_elements()["any"]["unread"], **entry.get("unread", {})}
     known = f"{entry.get('read', '')} {entry.get('other', '')}".split()
+    values = entry.get("values", {})
     for name, value in element.attrib.items():
+        if name in values and value not in ("", *values[name]):
+            yield element, f"{name}='{value[:40]}' is none of the standard's; the usual one is taken", True
         if name in known or "{" in name:
             continue
         if name not in unread:

@@ -45,7 +45,7 @@ def in_junction(text: str) -> str:
         (in_road(SURFACE), "surface", "road 1", "OpenCRG"),
         (in_road('<railroad><switch id="8"/></railroad>'), "railroad", "road 1", "rails"),
         (
-            in_road("<lateralProfile><crossSectionSurface/></lateralProfile>"),
+            in_road("<lateralProfile><crossSectionSurface><tOffset/></crossSectionSurface></lateralProfile>"),
             "crossSectionSurface",
             "road 1",
             "across the road",
@@ -119,6 +119,15 @@ def test_unknown_names_are_reported_once() -> None:
     assert read_opendrive(in_road(free).encode()).notes == read_opendrive(TEXT.encode()).notes
 
 
+def test_unknown_values_are_reported() -> None:
+    found = notes(ring_map(right=lane(-1, type="Driving")), "lane")
+    assert [(n.id, "type='Driving'" in n.message) for n in found] == [("-1 of road 1", True)]
+
+
+def test_empty_elements_say_nothing() -> None:
+    assert not notes(in_road("<surface>\n</surface>"), "surface")
+
+
 def test_elements_in_a_wrong_place_are_reported() -> None:
     found = notes(in_road('<width sOffset="0" a="9" b="0" c="0" d="0"/>'), "width")
     assert [(n.id, "no element of <road>" in n.message) for n in found] == [("road 1", True)]
@@ -148,6 +157,7 @@ def test_the_table_gives_each_attribute_one_meaning() -> None:
     for name, entry in table.items():
         places = [*entry.get("read", "").split(), *entry.get("other", "").split(), *entry.get("unread", {})]
         assert len(places) == len(set(places)), name
+        assert set(entry.get("values", {})) <= set(entry.get("read", "").split()), name
         holders = entry.get("in", "").split()
         assert all(h in table or h in ("OpenDRIVE", "*") for h in holders), name
         assert "missing" not in entry or len(entry) == 2, name
