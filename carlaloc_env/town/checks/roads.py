@@ -88,7 +88,7 @@ def _section_problems(road: Road) -> list[Row]:
             if lane.id != 0 and not lane.widths and not lane.borders:
                 rows.append(("error", "lane", f"{lane.id} of road {road.id}", lane.line, "has no width"))
             if road.junction_id is None and _bars_changes(section, lane):
-                message = "laneChange is not kept: cars change lanes over the mark"
+                message = "laneChange is not kept: cars may change lanes over the mark"
                 label = f"of lane {lane.id} of road {road.id}"
                 rows.append(("warning", "roadMark", label, lane.line, message))
     return rows
