@@ -15,6 +15,9 @@ POLY = '<{} sOffset="{}" a="{}" b="{}" c="{}" d="{}"/>'
 WAIST = LANE + POLY.format("width", 20, 3.5, -0.35, 0.35 / 60.0, 0) + POLY.format("width", 80, 3.5, 0, 0, 0)
 """3.5 m but between 20 m and 80 m, where a parabola falls to 3.5 - 0.35 · 30 / 2 = -1.75 m at 50 m."""
 
+VANISHING = LANE + POLY.format("width", 288.5, 3.5, -0.035, 0, 0)
+"""3.5 m that fall to nothing over the last 100 m of the ring."""
+
 
 def network_of(right: str) -> LaneNetwork:
     return build_network(ring_map(right=right).encode())
@@ -80,14 +83,15 @@ def test_which_lanes_cars_drive_on(body: str, open_to_cars: bool) -> None:
     assert any("none drives on it" in m for m in messages(network, "-2 of road 1")) != open_to_cars
 
 
-@pytest.mark.parametrize("waist", [-1, -2])
-def test_routes_keep_off_a_waist(waist: int) -> None:
-    """Of two lanes one has a waist: the route runs on the other one, whichever it is."""
-    right = "".join(lane(n, WAIST if n == waist else LANE) for n in (-1, -2))
+@pytest.mark.parametrize("narrow", [-1, -2])
+@pytest.mark.parametrize("body", [WAIST, VANISHING], ids=["a waist", "no width at its end"])
+def test_routes_keep_off_narrow_lanes(narrow: int, body: str) -> None:
+    """Of two lanes one is narrow somewhere: the route runs on the other one, whichever it is."""
+    right = "".join(lane(n, body if n == narrow else LANE) for n in (-1, -2))
     network = build_network(ring_map(right=right, left=lane(1, type="shoulder")).encode())
     route = choose_route(network)
     assert route is not None
-    assert {network.lanes[n].lane_id for n in np.unique(route.lane)} == {-3 - waist}
+    assert {network.lanes[n].lane_id for n in np.unique(route.lane)} == {-3 - narrow}
     width = network.width_m(route.lane, route.lane_station_m)
     assert width.min() >= EGO_SIZE_M[1]
 
