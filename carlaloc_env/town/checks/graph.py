@@ -14,6 +14,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.checks.roads import Row
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.lanes import Lane
 from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES
 from carlaloc_env.town.opendrive.records import OpenDrive, Road, Severity
 
@@ -101,6 +102,30 @@ def reciprocity_problems(xodr: OpenDrive) -> list[Row]:
     return rows
 
 
+def membership_problems(xodr: OpenDrive) -> list[Row]:
+    """Roads of a junction's connections that name another junction."""
+    rows: list[Row] = []
+    roads = {road.id: road for road in xodr.roads}
+    for junction in xodr.junctions:
+        for connection in junction.connections:
+            road = roads.get(connection.connecting_road)
+            if road is None or junction.type == "virtual":
+                continue
+            message = f"connecting road {road.id} belongs to junction {road.junction_id}"
+            named = {road.junction_id or ""}
+            if junction.type == "direct":
+                ends = {"start": road.predecessor, "end": road.successor}
+                links = ends.values() if connection.contact is None else (ends[connection.contact],)
+                named = {k.element_id for k in links if k is not None and k.element_type == "junction"}
+                back = "junction " + " and ".join(sorted(named)) if named else "no junction"
+                message = f"linked road {road.id} points back to {back}"
+            if junction.id not in named:
+                label = f"{connection.id} of junction {junction.id}"
+                message = f"{message}, not to junction {junction.id}"
+                rows.append(("warning", "connection", label, connection.line, message))
+    return rows
+
+
 def _section_links(road: Road) -> list[Row]:
     """Links between two sections of a road that one of the two lanes does not state."""
     rows: list[Row] = []
@@ -138,9 +163,15 @@ def graph_problems(network: LaneNetwork) -> list[Row]:
         ends = network.width_m([lane.index, lane.index], [0.0, lane.length_m])
         beside = lane.left is not None or lane.right is not None
         if not lane.successors and not (ends[1] < 0.5 and beside):
-            rows.append(("warning", "lane", label, line, "is a dead end: no lane follows"))
+            junction = _junction_at(network, lane, ahead=True)
+            message = (
+                f"no connection of junction {junction} leads on from it" if junction else "no lane follows"
+            )
+            rows.append(("warning", "lane", label, line, f"is a dead end: {message}"))
         if not lane.predecessors and not (ends[0] < 0.5 and beside):
-            rows.append(("warning", "lane", label, line, "cannot be entered: no lane leads to it"))
+            junction = _junction_at(network, lane, ahead=False)
+            message = f"connection of junction {junction}" if junction else "lane"
+            rows.append(("warning", "lane", label, line, f"cannot be entered: no {message} leads to it"))
         shut = (ends[0] < 1e-3 and lane.predecessors) or (ends[1] < 1e-3 and lane.successors)
         if lane.length_m > 0.1 and shut:
             rows.append(("warning", "lane", label, line, "is linked at an end where it has no width"))
@@ -152,6 +183,15 @@ def graph_problems(network: LaneNetwork) -> list[Row]:
         message = f"{len(apart)} driving lanes cannot both be reached from and reach the rest (roads {names})"
         rows.append(("warning", "lane", _label(network, first), _line(network, first), message))
     return rows
+
+
+def _junction_at(network: LaneNetwork, lane: Lane, *, ahead: bool) -> str | None:
+    """The junction to which a lane's road links at its end (ahead) or start, seen as cars drive."""
+    road = network.xodr.roads[network.road_index[lane.road_id]]
+    at_end = lane.forward == ahead
+    link = road.successor if at_end else road.predecessor
+    outermost = lane.section == (len(road.sections) - 1 if at_end else 0)
+    return link.element_id if outermost and link and link.element_type == "junction" else None
 
 
 def _unreachable(network: LaneNetwork) -> set[int]:
@@ -229,6 +269,9 @@ def _head_problems(network: LaneNetwork, lines: dict[str, int]) -> list[Row]:
                 message = f"lane {record.lane_id} of road {record.road_id} obeys two groups"
                 rows.append(("error", "signal", head.id, lines[head.id], message))
     for sign in network.static_signs:
+        if sign.kind == "other":
+            message = f"is a sign of type {sign.type}, which cars do not heed"
+            rows.append(("warning", "signal", sign.id, lines.get(sign.id, 0), message))
         if sign.kind in ("stop", "yield") and not sign.lanes:
             message = f"is a {sign.kind} sign that no lane obeys"
             rows.append(("warning", "signal", sign.id, lines.get(sign.id, 0), message))

@@ -16,6 +16,7 @@ from carlaloc_env.core.geodesy import GeoReference, ProjectedReference
 from carlaloc_env.town.checks.graph import (
     graph_problems,
     link_problems,
+    membership_problems,
     reciprocity_problems,
     signal_problems,
 )
@@ -93,6 +94,7 @@ def report(xodr: OpenDrive, network: LaneNetwork) -> MapReport:
         *passage_problems(network),
         *link_problems(network),
         *reciprocity_problems(xodr),
+        *membership_problems(xodr),
         *graph_problems(network),
         *signal_problems(xodr, network),
     ]

@@ -3,12 +3,24 @@
 One fault of a map, as all checks give it.
 """
 
+import re
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import CLEARANCE_M, LaneNetwork
-from carlaloc_env.town.opendrive.records import Note, OpenDrive, Road, Severity
+from carlaloc_env.town.lanes.lanes import CAR_WIDTH_M
+from carlaloc_env.town.opendrive.lane_boundaries import ROUNDING_M
+from carlaloc_env.town.opendrive.records import (
+    LaneRecord,
+    LaneSection,
+    Note,
+    OpenDrive,
+    Road,
+    RoadObject,
+    Severity,
+)
 
 Problem = Note
 """One fault of a map."""
@@ -36,6 +48,8 @@ WIDTH_ERROR_M = 0.05
 """Widths below 0 that are errors, not rounding [m]."""
 PASSAGE_M = 6.0
 """Roads that come this near to a road's line in the plane pass over or under it [m]."""
+PAINT_HEIGHT_M = 0.05
+"""Objects that are higher are no paint [m]."""
 GRADE = 0.12
 """Steepest grade of a road."""
 
@@ -73,11 +87,34 @@ def _section_problems(road: Road) -> list[Row]:
                     rows.append(("warning", "roadMark", label, lane.line, message))
             if lane.id != 0 and not lane.widths and not lane.borders:
                 rows.append(("error", "lane", f"{lane.id} of road {road.id}", lane.line, "has no width"))
+            if road.junction_id is None and _bars_changes(section, lane):
+                message = "laneChange is not kept: cars may change lanes over the mark"
+                label = f"of lane {lane.id} of road {road.id}"
+                rows.append(("warning", "roadMark", label, lane.line, message))
     return rows
 
 
+def _bars_changes(section: LaneSection, lane: LaneRecord) -> bool:
+    """Whether a mark forbids a change between this lane and the one outside of it."""
+    outer = section.lane(lane.id + (1 if lane.id > 0 else -1))
+    between = lane.id != 0 and outer is not None and lane.type == outer.type == "driving"
+    return between and any(mark.lane_change != "both" for mark in lane.road_marks)
+
+
+def _is_built(item: RoadObject) -> bool:
+    """Whether an object of the file is painted, or read as a sign."""
+    named = re.match(r"[Ss]peed_\d|.*(?:crosswalk|stopline|arrow)", item.name, re.IGNORECASE)
+    painted = item.type in ("roadMark", "-1") and item.height_m <= PAINT_HEIGHT_M and bool(item.outlines)
+    return item.type == "crosswalk" or painted or named is not None
+
+
 def _furniture_problems(road: Road) -> list[Row]:
-    return [
+    rows: list[Row] = [
+        ("warning", "object", f"{item.id} of road {road.id}", item.line, f"of type {item.type} is not built")
+        for item in road.objects
+        if not _is_built(item)
+    ]
+    return rows + [
         ("warning", kind, item.id, item.line, f"s={item.s_m:g} lies beyond road {road.id}")
         for kind, items in (("signal", road.signals), ("object", road.objects))
         for item in items
@@ -87,16 +124,23 @@ def _furniture_problems(road: Road) -> list[Row]:
 
 def _lane_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
     rows: list[Row] = []
-    tables = network.tables
-    narrow = np.minimum.reduceat(tables.width_m, tables.first)
+    tables, edges = network.tables, network.surface.edges
+    owner = np.repeat(np.arange(len(network.lanes)), tables.count)
+    station = (np.arange(len(owner)) - tables.first[owner]) * tables.step_m[owner]
+    stated = edges.stated_width(owner, network.s_m(owner, station))
+    narrow = np.minimum.reduceat(stated, tables.first)
     bend = np.maximum.reduceat(np.abs(tables.curvature_radpm), tables.first)
     steep = np.maximum.reduceat(np.abs(tables.tangent[:, 2]), tables.first)
     for lane in network.lanes:
-        line = network.surface.edges.lanes[lane.index].line
+        line = edges.lanes[lane.index].line
         label = f"{lane.lane_id} of road {lane.road_id}"
-        if narrow[lane.index] < -1e-6:
-            severity: Severity = "error" if narrow[lane.index] < -WIDTH_ERROR_M else "warning"
-            rows.append((severity, "lane", label, line, f"its width falls to {narrow[lane.index]:.4g} m"))
+        least = narrow[lane.index]
+        if least < -ROUNDING_M:
+            severity: Severity = "error" if least < -WIDTH_ERROR_M else "warning"
+            rows.append((severity, "lane", label, line, f"its width falls to {least:.4g} m; 0 m is taken"))
+        if lane.type != edges.lanes[lane.index].type:
+            message = f"narrows to {max(least, 0.0):.2f} m, a car has {CAR_WIDTH_M:.2f} m; none drives on it"
+            rows.append(("warning", "lane", label, line, message))
         if lane.type != "driving" or lane.length_m < 0.1:
             continue
         if bend[lane.index] > 1.0 / MIN_RADIUS_M * 1.001:

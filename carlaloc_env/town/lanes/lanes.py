@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Mask
+from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.road.road_profile import Relief
 from carlaloc_env.town.lanes.centre_lines import LaneTables, build_tables
@@ -123,6 +124,12 @@ NO_LIMIT_MPS = 130.0 / 3.6
 """Stands for "no limit"."""
 
 
+CAR_WIDTH_M = EGO_SIZE_M[1]
+"""No car drives where a lane is narrower [m]."""
+TAPER_M = 0.01
+"""Lanes whose width varies by less are as wide all along [m]."""
+
+
 class RoadMap(NamedTuple):
     """A map and its roads as surfaces."""
 
@@ -191,6 +198,8 @@ def _lanes(
     lowest = np.minimum.reduceat(tables.speed_limit_mps, tables.first)
     # Of a junction that is not in the file there is nothing but the road.
     junctions = {junction.id for junction in xodr.junctions}
+    cars = np.array([lane.type in DRIVABLE_TYPES for lane in edges.lanes], dtype=bool)
+    ways = _ways(tables, cars)
     lanes = []
     for n, lane in enumerate(edges.lanes):
         r, k = int(edges.road[n]), int(edges.section[n])
@@ -201,27 +210,54 @@ def _lanes(
                 road_id=xodr.roads[r].id,
                 section=k,
                 lane_id=lane.id,
-                type=lane.type,
+                type="restricted" if ways.closed[n] else lane.type,
                 length_m=float(tables.length_m[n]),
                 junction_id=xodr.roads[r].junction_id if xodr.roads[r].junction_id in junctions else None,
                 forward=forward,
-                successors=tuple(links.successors[n]),
-                predecessors=tuple(links.predecessors[n]),
-                left=_neighbour(edges, r, k, lane.id, 1 if forward else -1),
-                right=_neighbour(edges, r, k, lane.id, -1 if forward else 1),
+                successors=tuple(m for m in links.successors[n] if ways.lead(n, m)),
+                predecessors=tuple(m for m in links.predecessors[n] if ways.lead(m, n)),
+                left=_neighbour(edges, ways, n, 1 if forward else -1),
+                right=_neighbour(edges, ways, n, -1 if forward else 1),
                 speed_limit_mps=float(lowest[n]),
             )
         )
     return tuple(lanes)
 
 
-def _neighbour(edges: LaneEdges, road: int, section: int, lane_id: int, step: int) -> int | None:
-    other = edges.index.get((road, section, lane_id + step))
-    lane = edges.lanes[edges.index[road, section, lane_id]]
-    same_side = (lane_id + step) * lane_id > 0
-    if other is None or not same_side or lane.type != "driving" or edges.lanes[other].type != "driving":
+class _Ways(NamedTuple):
+    """Where lanes are wide enough for a car, each field (N,)."""
+
+    closed: Mask
+    """Lanes of cars that narrow in their midst, or are narrow all along."""
+    shrunk: Mask
+    """Lanes that end narrow."""
+    growing: Mask
+    """Lanes that begin narrow."""
+
+    def lead(self, lane: int, following: int) -> bool:
+        """Whether a car gets from one lane onto the next."""
+        waist = self.shrunk[lane] and self.growing[following]
+        return bool(self.closed[lane] == self.closed[following] and not waist)
+
+
+def _ways(tables: LaneTables, cars: Mask) -> _Ways:
+    """Which lanes are too narrow to drive along; a taper at one end is not, since cars enter beside it."""
+    width, first = tables.width_m, tables.first
+    begin, end = width[first], width[first + tables.count - 1]
+    least, most = np.minimum.reduceat(width, first), np.maximum.reduceat(width, first)
+    narrow, varies = least < CAR_WIDTH_M, most - least >= TAPER_M
+    closed = cars & narrow & ((least < np.minimum(begin, end) - TAPER_M) | ~varies)
+    # A map on which no car could drive at all keeps its lanes.
+    closed &= not closed[cars].all()
+    return _Ways(closed, narrow & varies & (end == least), narrow & varies & (begin == least))
+
+
+def _neighbour(edges: LaneEdges, ways: _Ways, n: int, step: int) -> int | None:
+    lane = edges.lanes[n]
+    other = edges.index.get((int(edges.road[n]), int(edges.section[n]), lane.id + step))
+    if other is None or (lane.id + step) * lane.id <= 0 or ways.closed[[n, other]].any():
         return None
-    return other
+    return other if lane.type == "driving" and edges.lanes[other].type == "driving" else None
 
 
 def _speed_limits(

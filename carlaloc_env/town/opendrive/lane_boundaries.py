@@ -75,6 +75,10 @@ class CubicTable:
         return np.where(has, value, zero), np.where(has, slope, zero), np.where(has, bend, zero)
 
 
+ROUNDING_M = 1e-6
+"""Widths that fall below 0 by less are rounded, not wrong [m]."""
+
+
 class Edge(NamedTuple):
     """A line across road coordinates, each field (M,)."""
 
@@ -140,10 +144,16 @@ class LaneEdges:
         return self._walk(self._inner[lane], s_m, start=lane)
 
     def width(self, lane: Index, s_m: Array) -> Array:
-        """Widths [m]; negative where the file's polynomial is."""
+        """Widths [m]; 0 where they are negative in the file."""
         if not self._any_border:
-            return self._width.evaluate(lane, s_m)[0]
+            return self._widths(lane, s_m)[0]
         return (self.outer(lane, s_m).t_m - self.inner(lane, s_m).t_m) * self.side[lane]
+
+    def stated_width(self, lane: Index, s_m: Array) -> Array:
+        """Widths as the file has them [m]: negative where its polynomials are."""
+        border = self._offset.evaluate(self.road[lane], s_m)[0] + self._border.evaluate(lane, s_m)[0]
+        between = (border - self.inner(lane, s_m).t_m) * self.side[lane]
+        return np.where(self._has_border[lane], between, self._width.evaluate(lane, s_m)[0])
 
     def centre(self, lane: Index, s_m: Array) -> Edge:
         """Centre lines of lanes."""
@@ -152,7 +162,7 @@ class LaneEdges:
             outer = self.outer(lane, s_m)
             return Edge(*(0.5 * (a + b) for a, b in zip(inner, outer, strict=True)))
         half = 0.5 * self.side[lane]
-        return Edge(*(a + half * w for a, w in zip(inner, self._width.evaluate(lane, s_m), strict=True)))
+        return Edge(*(a + half * w for a, w in zip(inner, self._widths(lane, s_m), strict=True)))
 
     def heights(self, lane: Index, s_m: Array) -> tuple[Array, Array, Array, Array]:
         """Height above the road surface at inner and outer edge [m], then their slopes by s."""
@@ -160,25 +170,45 @@ class LaneEdges:
         outer, outer_slope, _ = self._height_outer.evaluate(lane, s_m)
         return inner, outer, inner_slope, outer_slope
 
+    def _widths(self, lane: Index, s_m: Array) -> Sequence[Array]:
+        """Widths by their own records, with two derivatives; 0 where the file's polynomial is negative."""
+        parts = self._width.evaluate(lane, s_m)
+        negative = parts[0] < -ROUNDING_M
+        return [np.where(negative, 0.0, part) for part in parts] if negative.any() else parts
+
     def _walk(self, lane: Index, s_m: Array, *, start: Index | None = None) -> Edge:
         known = lane if start is None else start
         total = [part.copy() for part in self._offset.evaluate(self.road[known], s_m)]
         side = self.side[known]
+        # Of all borders inside of a lane, the outermost counts: no lane reaches into the one inside of it.
+        farthest = [np.full(len(side), np.nan) for _ in total]
         current = lane.copy()
         while True:
             active = np.flatnonzero(current >= 0)
             if not len(active):
-                return Edge(*total)
+                break
             at, s = current[active], s_m[active]
-            for part, width in zip(total, self._width.evaluate(at, s), strict=True):
+            for part, width in zip(total, self._widths(at, s), strict=True):
                 part[active] += side[active] * width
-            following = self._inner[at]
             if self._any_border:
-                bounded = self._has_border[at]
-                for part, border in zip(total, self._border.evaluate(at, s), strict=True):
-                    part[active[bounded]] += border[bounded]
-                following = np.where(bounded, -1, following)
-            current[active] = following
+                own = self._has_border[at]
+                borders = self._border.evaluate(at[own], s[own])
+                bounds = [part[active[own]] + b for part, b in zip(total, borders, strict=True)]
+                _take_farther(farthest, active[own], bounds, side)
+            current[active] = self._inner[at]
+        if self._any_border:
+            bounded = np.flatnonzero(np.isfinite(farthest[0]))
+            _take_farther(farthest, bounded, [part[bounded] for part in total], side)
+            total = [np.where(np.isfinite(farthest[0]), a, b) for a, b in zip(farthest, total, strict=True)]
+        return Edge(*total)
+
+
+def _take_farther(farthest: list[Array], rows: Index, edges: Sequence[Array], side: Array) -> None:
+    """Takes over those edges that lie farther out than the ones known."""
+    known = farthest[0][rows]
+    farther = np.isnan(known) | (side[rows] * (edges[0] - known) > 0.0)
+    for part, edge in zip(farthest, edges, strict=True):
+        part[rows[farther]] = edge[farther]
 
 
 def _cubic(s_m: float, value: float) -> Cubic:

@@ -133,6 +133,20 @@ Record = TypeVar("Record", SpeedRecord, LaneHeight, LaneMaterial)
 """Records from a station on."""
 MPS_PER_UNIT = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
 """Metres per second of each unit of speed that OpenDRIVE knows."""
+FASTEST_KMH = {
+    "pedestrian": 30.0,
+    "bicycle": 50.0,
+    "townPlayStreet": 30.0,
+    "lowSpeed": 60.0,
+    "townLocal": 80.0,
+    "townPrivate": 80.0,
+    "town": 100.0,
+    "townCollector": 100.0,
+    "townArterial": 110.0,
+}
+"""Limits in m/s above these are doubted, by type of road [km/h]; numbers of our choice."""
+FASTEST_ROAD_KMH = 150.0
+"""The same of all other types [km/h]."""
 
 
 def read_sections(document: Document, road: Element, length_m: float) -> tuple[LaneSection, ...]:
@@ -162,6 +176,12 @@ def read_speed(document: Document, element: Element) -> float:
     if unit not in MPS_PER_UNIT:
         document.fail(element, f"has unit='{unit[:40]}'", "write m/s, km/h or mph")
     value = document.number(element, "max", limit=10_000.0)
+    types = [*element.iterancestors("type"), *element.xpath("ancestor::road/type")]
+    road_type = types[0].get("type", "unknown") if types else "unknown"
+    if unit == "m/s" and 3.6 * value > FASTEST_KMH.get(road_type, FASTEST_ROAD_KMH):
+        stated = "in m/s" if element.get("unit") else "without a unit, so in m/s as the standard has it,"
+        speed = f"{3.6 * value:g} km/h on a road of type {road_type[:40]}"
+        document.note(element, f'max={value:g} {stated} is {speed}; add unit="km/h" if that is meant')
     # Some writers mean "no limit" by a number that no car may drive.
     return value * MPS_PER_UNIT[unit] if value > 0.0 else math.inf
 
@@ -247,6 +267,7 @@ def _mark(document: Document, element: Element) -> RoadMark:
         weight=element.get("weight", "standard"),
         colour=element.get("color", "standard"),
         width_m=document.number(element, "width") if element.get("width") else None,
+        lane_change=element.get("laneChange", "both"),
         lines=lines,
     )
 

@@ -3,12 +3,17 @@
 Notes on records that stand out of order or begin too late; such files are read all the same.
 
 Moves maps whose coordinates are large, such as absolute UTM metres, near the world's origin.
+
+Notes on elements and attributes that are not read, by the table in `elements.toml`.
 """
 
-from collections.abc import Sequence
+import re
+import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -38,6 +43,11 @@ from carlaloc_env.town.opendrive.records import (
     SpeedRecord,
 )
 from carlaloc_env.town.opendrive.xml_document import Document, Element, ElementError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 FAR_M = 20_000.0
 """Maps nearer to their origin stay where they are: single precision holds 2 mm there [m]."""
@@ -112,6 +122,67 @@ def _sequence(document: Document, elements: list[Element], name: str, from_zero:
         last = s
 
 
+ELEMENTS = Path(__file__).with_name("elements.toml")
+"""All elements and attributes of the standard: which are read, and what is missing without the others."""
+_FREE = frozenset({"userData", "dataQuality"})
+"""Elements whose content the standard leaves open."""
+_NOTHING = ("", "none", "false", "no", "unknown", "undefined", "-1")
+_ZERO = re.compile(r"[-+]?0*\.?0*(?:[eE][-+]?\d+)?")
+"""Values that change nothing."""
+
+
+@cache
+def known_elements() -> dict[str, dict[str, Any]]:
+    """The table: an entry for each element, by its name or by ``parent/name``."""
+    return tomllib.loads(ELEMENTS.read_text(encoding="utf-8"))
+
+
+def note_unread(document: Document) -> None:
+    """Notes what is not read: once in each road or junction, unknown names once in the file."""
+    noted: set[tuple[str, str, int | None]] = set()
+    for number, top in enumerate(document.root.iterchildren("*")):
+        for element, message, known in _unread(top):
+            kind = (element.tag, message, number if known else None)
+            if kind not in noted:
+                noted.add(kind)
+                document.note(element, message)
+
+
+def _unread(element: Element) -> Iterator[tuple[Element, str, bool]]:
+    """What is not read of an element and those in it: where, what is missing, whether the standard has it."""
+    if element.tag in _FREE or "{" in element.tag:
+        return
+    table, parent = known_elements(), element.getparent().tag
+    entry = table.get(f"{parent}/{element.tag}") or table.get(element.tag)
+    if not len(element) and not element.attrib and not (element.text or "").strip():
+        return
+    if entry is not None and "missing" in entry:
+        yield element, f"is not read: {entry['missing']}", True
+    elif entry is None or parent not in entry.get("in", "").split():
+        yield element, f"is no element of <{parent}> in OpenDRIVE 1.4 to 1.8, so it is not read", False
+    else:
+        yield from _unread_attributes(element, entry)
+        for child in element.iterchildren("*"):
+            yield from _unread(child)
+
+
+def _unread_attributes(element: Element, entry: dict[str, Any]) -> Iterator[tuple[Element, str, bool]]:
+    unread = {**known_elements()["any"]["unread"], **entry.get("unread", {})}
+    known = f"{entry.get('read', '')} {entry.get('other', '')}".split()
+    values = entry.get("values", {})
+    for name, value in element.attrib.items():
+        if name in values and value not in ("", *values[name]):
+            yield element, f"{name}='{value[:40]}' is none of the standard's; the usual one is taken", True
+        if name in known or "{" in name:
+            continue
+        if name not in unread:
+            yield element, f"has '{name[:40]}', no attribute of it in OpenDRIVE 1.4 to 1.8, not read", False
+            continue
+        missing, *usual = [unread[name]] if isinstance(unread[name], str) else unread[name]
+        if value not in (*usual, *_NOTHING) and not _ZERO.fullmatch(value):
+            yield element, f"attribute '{name}' is not read: {missing}", True
+
+
 ROAD_LIMIT = 100_000
 """Maps with more roads are refused."""
 Numbered = TypeVar("Numbered", Road, Junction)
@@ -146,6 +217,7 @@ def read_opendrive(source: Path | bytes) -> OpenDrive:
         raise MapError(f"{document.name}: no road can be used; {document.notes[-1].message}")
     for element in elements:
         note_order(document, element)
+    note_unread(document)
     seen_junctions: set[str] = set()
     return OpenDrive(
         source=document.name,
@@ -196,6 +268,8 @@ def _road(document: Document, element: Element, ids: _Ids) -> Road:
     length = _length(document, element, geometry)
     junction = element.get("junction", "-1")
     types = element.findall("type")
+    if len({e.get("type") for e in types}) > 1:
+        document.note(element, "changes its type along its way; its scenery is that of the first")
 
     def speed(e: Element) -> SpeedRecord:
         return SpeedRecord(document.number(e.getparent(), "s", 0.0), read_speed(document, e))

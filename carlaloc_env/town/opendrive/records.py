@@ -102,6 +102,8 @@ class RoadMark:
     weight: str
     colour: str
     width_m: float | None
+    lane_change: str = "both"
+    """Changes that the mark allows: both, increase, decrease (of lane ids) or none."""
     lines: tuple[MarkLine, ...] = ()
 
 

@@ -7,6 +7,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.lanes import CAR_WIDTH_M
 from carlaloc_env.town.routing.route import Route, plan_route
 
 ROUTE_LENGTH_M = 1000.0
@@ -42,11 +43,13 @@ def choose_route(network: LaneNetwork, length_m: float = ROUTE_LENGTH_M) -> Rout
     """An open route of about this length [m], or the longest found; None if nothing can be driven.
 
     It begins on one of the longest lanes and turns, wherever it can, into the lane least driven; where all
-    roads lead out of the map, it takes those on which most is to come. Turns on the spot are left to others.
+    roads lead out of the map, it takes those on which most is to come. Turns on the spot are left to others,
+    and so are lanes that begin or end narrower than a car.
     A map that is nothing but one lane that leads back into itself has a loop.
     """
     driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
-    easy = driving & ~_turns_on_the_spot(network)
+    least_m = np.minimum.reduceat(network.tables.width_m, network.tables.first)
+    easy = driving & ~_turns_on_the_spot(network) & (least_m >= CAR_WIDTH_M)
     usable = easy if easy.any() else driving
     onward = lanes_that_go_on(network, easy)
     if not onward.any():
