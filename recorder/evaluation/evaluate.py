@@ -241,8 +241,8 @@ def _body_findings(result: EvaluationResult) -> Iterator[str]:
         turn = ",".join(f"{round(float(a), 1) + 0.0:g}" for a in np.degrees(transforms.quat_to_rpy(quat)))
         yield (
             f"a constant rotation of {angle_deg:.1f}° lies between the body frames of '{estimate.name}' and "
-            f"'{truth.name}'; --estimate-to-truth={turn} (roll, pitch, yaw [deg]), auto or the extrinsic "
-            "X,Y,Z,QX,QY,QZ,QW takes it out"
+            f"'{truth.name}'; evaluate --estimate-to-truth={turn} (roll, pitch, yaw [deg]), auto or the "
+            "extrinsic X,Y,Z,QX,QY,QZ,QW takes it out"
         )
 
 
@@ -262,7 +262,7 @@ def _scale_findings(result: EvaluationResult) -> Iterator[str]:
         if fit.scale > 0 and abs(np.log(fit.scale)) > _SCALE and _explains(result, error_m):
             yield (
                 f"a scale of {fit.scale:.4g} explains most of the error ({_instead(result, error_m)}); "
-                "--align sim3 fits it"
+                "evaluate --align sim3 fits it"
             )
 
 
@@ -280,8 +280,8 @@ def _clock_findings(result: EvaluationResult, truth: Trajectory, estimate: Traje
             offset_s = offset_ns / 1e9
             yield (
                 f"a constant offset of {offset_s:+.3f} s of the estimate's clock{clock_name(offset_s)} "
-                f"explains most of the error ({_instead(result, error_m)}); --time-offset={offset_s:.3f} "
-                "takes it out"
+                f"explains most of the error ({_instead(result, error_m)}); "
+                f"evaluate --time-offset={offset_s:.3f} takes it out"
             )
 
 

@@ -126,16 +126,14 @@ def columns_by_name(texts: Sequence[str], sample: Array) -> PoseColumns | str:
     numbered = _complete(groups, "q", "0123")
     turns = _complete(groups, "r", _TURNS)
     stamp = _time(names)
+    # A table of positions alone has nothing that could be a part of an attitude.
+    no_part = not any(kind in "qr" for kind, _ in groups)
     missing = [
         what
         for what, found in (
             ("time", stamp is not None),
             ("x y z", bool(positions)),
-            # A table of positions alone has nothing that could be a part of an attitude.
-            (
-                "qx qy qz qw or roll pitch yaw",
-                bool(quaternions or numbered or turns) or not any(kind in "qr" for kind, _ in groups),
-            ),
+            ("qx qy qz qw or roll pitch yaw", bool(quaternions or numbered or turns) or no_part),
         )
         if not found
     ]
