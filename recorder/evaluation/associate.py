@@ -192,7 +192,6 @@ def _next_step(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> str:
 _CLOCKS_S = {
     18: "the leap seconds between GPS time and UTC",
     37: "the leap seconds between TAI and UTC",
-    19: "the seconds between TAI and GPS time",
 }
 """Constant differences of clocks since 2017 [s]."""
 

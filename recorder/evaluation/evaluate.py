@@ -208,17 +208,12 @@ def _findings(
     yield from (*truth.notes, *estimate.notes)
     for one in (truth, estimate):
         if not one.has_attitudes:
-            yield (
-                f"'{one.name}' has positions alone (no attitudes, or all the same along a path that turns): "
-                "errors that need attitudes are left out"
-            )
+            yield f"'{one.name}' has positions, but no attitudes that change: rotation errors are left out"
     if result.covered.share < _TIME:
         yield f"pairs cover {result.covered}"
     if hardly_moved:
-        yield (
-            f"the path of '{truth.name}' is {result.truth.length_m:.2g} m long: it hardly moved, so the "
-            "alignment leaves the rotation open, and the rotation error is that after a fit of attitudes"
-        )
+        path_m = result.truth.length_m
+        yield f"'{truth.name}' hardly moves ({path_m:.2g} m): its rotation error is after a fit of attitudes"
     else:
         yield from _body_findings(result)
         yield from _scale_findings(result)
@@ -250,10 +245,7 @@ def _scale_findings(result: EvaluationResult) -> Iterator[str]:
     """A scale far from 1, fitted or not."""
     if result.alignment is Alignment.SIM3:
         if abs(np.log(result.transform.scale)) > _SCALE:
-            yield (
-                f"the fitted scale is {result.transform.scale:.4g}, far from 1: errors are in metres of the "
-                "truth, but the estimate is not in metres"
-            )
+            yield f"the fitted scale is {result.transform.scale:.4g}: the estimate is not in metres"
         return
     truth, estimate = result.truth, result.estimate
     with suppress(EvaluationError):

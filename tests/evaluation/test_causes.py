@@ -121,7 +121,7 @@ def test_truth_without_attitudes_has_errors_of_positions(tmp_path: Path, text: s
     for metric in OF_POSITIONS:
         assert rmse(result, metric) == pytest.approx(rmse(full, metric), rel=1e-6)
     (line,) = result.findings
-    assert "'rtk' has positions alone" in line
+    assert "'rtk' has positions, but no attitudes that change" in line
 
 
 def test_a_straight_path_may_have_a_constant_attitude(tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ def test_a_car_that_hardly_moved_has_the_rotation_error_of_its_attitudes(alignme
     # Noise of 0.017 rad about three axes.
     assert rmse(result, Metric.APE_ROTATION) == pytest.approx(np.degrees(0.017 * np.sqrt(3)), rel=0.1)
     (line,) = result.findings
-    assert "is 0.2 m long: it hardly moved" in line
+    assert "'truth' hardly moves (0.2 m)" in line
 
 
 def test_columns_that_are_no_attitude_are_still_asked_for(tmp_path: Path) -> None:
