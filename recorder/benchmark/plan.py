@@ -47,6 +47,8 @@ class BenchmarkSequence:
     """Whether sweeps differ from weather to weather."""
     faults: str = ""
     """Faults of the sensors, in words."""
+    findings: str = ""
+    """What `recorder.dataset.sequence.faults_of` found in its data before a run."""
 
     @property
     def movers(self) -> float:

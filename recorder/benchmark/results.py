@@ -14,8 +14,6 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, unknown_name
 from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.benchmark.plan import BenchmarkSequence, Job
@@ -24,7 +22,7 @@ from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence
 from recorder.evaluation.align import attitude_errors_deg
 from recorder.evaluation.associate import Association
 from recorder.evaluation.evaluate import FailRule, PathErrors, evaluate
-from recorder.evaluation.metrics import Metric
+from recorder.evaluation.metrics import Metric, Statistics
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.supervisor import RunRecord, run_isolated
 from recorder.slam.worker import ESTIMATE
@@ -114,6 +112,10 @@ class Score:
     """Mean turn over KITTI's segments [deg/m]."""
     coverage: float = 0.0
     """Share of the frames that have a pose, 0–1."""
+    time_coverage: float = float("nan")
+    """Share of the time that has poses, 0–1."""
+    findings: str = ""
+    """Causes of errors that lie in the data or the estimate, see `EvaluationResult.findings`."""
     alignment: str = ""
     """What was fitted."""
     visual: bool = False
@@ -154,6 +156,7 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
         "frame": system.frame,
         "instant": system.instant,
         "alignment": system.alignment.value,
+        "findings": job.sequence.findings,
     }
     if record.error is not None:
         return Score(**known, failed=record.error)
@@ -169,18 +172,24 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
     except CarlaLocError as error:
         return Score(**known, failed=str(error))
     PathErrors.of(result, job.title).save(folder / ERRORS)
+    known["findings"] = "; ".join(filter(None, [job.sequence.findings, *result.findings]))
     sensor = sequence.lidar if system.sensor == "lidar" else sequence.stereo[0]
+    rmse = {metric: statistics.rmse for metric, statistics in result.statistics.items()}
+    attitude_deg = float("nan")
+    if Metric.APE_ROTATION in rmse:
+        attitude_deg = Statistics.of(attitude_errors_deg(result.truth, result.estimate)).rmse
     return Score(
         **known,
         failed=rule.why_failed(result),
-        ape_m=result.statistics[Metric.APE_TRANSLATION].rmse,
-        ape_deg=result.statistics[Metric.APE_ROTATION].rmse,
-        attitude_deg=float(np.sqrt(np.mean(attitude_errors_deg(result.truth, result.estimate) ** 2))),
-        rpe_paper_m=result.statistics[Metric.RPE_PAPER].rmse,
-        rpe_m=result.statistics[Metric.RPE_TRANSLATION].rmse,
+        ape_m=rmse[Metric.APE_TRANSLATION],
+        ape_deg=rmse.get(Metric.APE_ROTATION, float("nan")),
+        attitude_deg=attitude_deg,
+        rpe_paper_m=rmse[Metric.RPE_PAPER],
+        rpe_m=rmse.get(Metric.RPE_TRANSLATION, float("nan")),
         kitti_percent=_mean([(s.translation_percent, s.segments) for s in result.segments]),
         kitti_deg_per_m=_mean([(s.rotation_deg_per_m, s.segments) for s in result.segments]),
         coverage=result.coverage,
+        time_coverage=result.covered.share,
         length_m=result.truth.length_m,
         real_time=record.frame_median_s * float(sensor.rate_hz),
     )

@@ -1,5 +1,6 @@
 """Runs a benchmark over folders or drives: systems in processes of their own, results kept as they come."""
 
+import logging
 import shutil
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -21,6 +22,7 @@ from recorder.benchmark.results import (
     read_result,
     run_job,
 )
+from recorder.dataset.sequence import SlamSequence, faults_of
 from recorder.evaluation.evaluate import PathErrors
 from recorder.replaying.unit_work import STOP
 from recorder.replaying.workers import DaskCluster, Task, ThisProcess, Workers, progress_of, run_tasks
@@ -29,6 +31,7 @@ from recorder.slam.systems import SYSTEMS, is_system_file, system_of
 
 __all__ = ["BenchmarkConfig", "BenchmarkResult", "Progress", "run_benchmark"]
 
+_LOG = logging.getLogger(__name__)
 Progress = Callable[[float, int, str | None], None]
 """Called with jobs done, jobs in all, and the job that has ended, if one has."""
 
@@ -114,6 +117,10 @@ def run_benchmark(
         if not lost and (config.again != "failed" or score.failed is None):
             found[k] = score
     reused = len(found)
+    pending = [job for k, job in enumerate(jobs) if k not in found]
+    looked = {one.path: _looked_at(one, pending) for one in sequences}
+    sequences = list(looked.values())
+    jobs = [replace(job, sequence=looked[job.sequence.path]) for job in jobs]
     run = _Run(jobs, found, config, fingerprints, progress)
     try:
         run.all_of([k for k in range(len(jobs)) if k not in found])
@@ -127,6 +134,17 @@ def run_benchmark(
     movers = {sequence.key: sequence.movers for sequence in sequences}
     scores = [replace(found[k], movers=movers[job.sequence.key]) for k, job in enumerate(jobs)]
     return BenchmarkResult(sequences=list(sequences), jobs=jobs, scores=scores, reused=reused, out=config.out)
+
+
+def _looked_at(sequence: BenchmarkSequence, pending: Sequence[Job]) -> BenchmarkSequence:
+    """A sequence with the faults of its data that no setting made, reported before systems run over them."""
+    needs = {need for job in pending if job.sequence.path == sequence.path for need in job.system.needs}
+    if not needs or sequence.stream is not None or sequence.faults:
+        return sequence
+    found = "; ".join(faults_of(SlamSequence(sequence.path), with_imu="imu" in needs))
+    if found:
+        _LOG.warning("%s: %s", sequence.key, found)
+    return replace(sequence, findings=found)
 
 
 class _Run:

@@ -14,8 +14,8 @@ from recorder.dataset.sequence import RAW
 
 RULE = (
     "A run fails when it ends with an error or passes its time limit, when it has poses for less than 80 % "
-    "of the frames, or when its APE is more than 0.1 m and half of that of an estimate that never moves. "
-    "A cell fails when half of its runs do."
+    "of the frames or of the time, or when its APE is more than 0.1 m and half of that of an estimate that "
+    "never moves. A cell fails when half of its runs do."
 )
 LETTERS = (
     "s: static, nothing moves. d: dynamic, among all traffic. e: empty, without parked cars, too. "
@@ -110,6 +110,7 @@ def all_tables(runs: pd.DataFrame) -> Tables:
     found.append(("Findings of the CARLA-Loc paper", answers[answers["system here"] != NO_SYSTEM]))
     found.append(("Cost", cost_table(runs)))
     found.append(("Why runs failed", failure_table(runs)))
+    found.append(("Findings about data and estimates", failure_table(runs, "findings")))
     return [(title, table) for title, table in found if len(table)]
 
 
@@ -191,14 +192,20 @@ def cost_table(runs: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def failure_table(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each system and condition of which runs failed: how many, and why."""
+def failure_table(runs: pd.DataFrame, column: str = "failed") -> pd.DataFrame:
+    """A row for each system and condition of which runs failed: how many, and why.
+
+    Args:
+        runs: Runs.
+        column: Column of the reasons: ``failed`` or ``findings``.
+    """
+    runs = runs.assign(**{column: runs[column].where(runs[column] != "")})
     cloud = (" " + runs["cloud"]).where(runs["cloud"] != RAW, "")
     condition = runs["weather"] + " " + runs["traffic"] + cloud
-    found = runs.groupby([runs["title"], runs["town"], condition.rename("condition")], sort=False)["failed"]
+    found = runs.groupby([runs["title"], runs["town"], condition.rename("condition")], sort=False)[column]
     table = found.agg(
         lost="count", runs="size", reason=lambda reasons: "; ".join(reasons.dropna().unique())
     ).reset_index()
     table = table[table["lost"] > 0].rename(columns={"title": "system"})
-    table.insert(3, "failed", counted(table.pop("lost"), table.pop("runs")))
+    table.insert(3, "failed" if column == "failed" else "runs", counted(table.pop("lost"), table.pop("runs")))
     return table

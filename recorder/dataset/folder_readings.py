@@ -27,6 +27,7 @@ from recorder.dataset.readings import (
     ImuSample,
     StereoPair,
     imu_of,
+    imu_sample,
     lidar_of,
     messages,
     stamp_ns,
@@ -165,13 +166,7 @@ class FolderReadings:
 
     def imu_samples(self) -> Iterator[ImuSample]:
         """All inertial samples of the bag."""
-        for message in messages(self.bag, self._topic(Imu, imu_of(self._rig).name)):
-            a, w = message.linear_acceleration, message.angular_velocity
-            yield ImuSample(
-                stamp_ns=stamp_ns(message),
-                acceleration_mps2=np.array([a.x, a.y, a.z]),
-                angular_velocity_radps=np.array([w.x, w.y, w.z]),
-            )
+        return map(imu_sample, messages(self.bag, self._topic(Imu, imu_of(self._rig).name)))
 
     def image_stamps(self) -> NDArray[np.int64]:
         """Times of the images of the left camera that have a partner, if there are two [ns], shape (N,)."""

@@ -5,6 +5,7 @@ A drive in progress, read by a system: sweeps and inertial samples as they come,
 
 from collections import deque
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cached_property
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -23,8 +24,19 @@ from carlaloc_env.sensors.ranging_config import LidarConfig
 from recorder.dataset.folder_readings import NEXT, FeedReadings, FolderReadings
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
-from recorder.dataset.readings import ImuSample, Readings, StereoPair, imu_of, lidar_of, stereo_of
+from recorder.dataset.readings import (
+    ImuSample,
+    Readings,
+    StereoPair,
+    check_gaps,
+    imu_faults,
+    imu_of,
+    lidar_of,
+    stamps_in,
+    stereo_of,
+)
 from recorder.dataset.scans import Scan
+from recorder.evaluation.trajectory_files import read_tum
 
 RAW, SEGMENTED = "raw", "seg"
 """Clouds as measured, and without the points on classes that move (the paper's seg(d))."""
@@ -203,6 +215,21 @@ class SlamSequence:
             EvaluationError: there are no images of two cameras, or none with labels where they are needed.
         """
         return self._readings.stereo_pairs(without_movers=self.cloud == SEGMENTED)
+
+
+def faults_of(sequence: SlamSequence, *, with_imu: bool = True) -> Iterator[str]:
+    """Faults of the data of a folder that a system would meet: gaps in a bag's stamps, a wrong IMU.
+
+    Args:
+        sequence: The folder; what it lacks has no fault.
+        with_imu: Whether the IMU is compared with the truth.
+    """
+    with suppress(EvaluationError):
+        for (topic, _), stamps in sorted(stamps_in(sequence.bag).items()):
+            yield from check_gaps(topic, np.unique(stamps))
+        if with_imu:
+            T, truth = sequence.imu.mount.T_base_sensor, read_tum(sequence.truth_file("base_link"))
+            yield from imu_faults(sequence.imu_samples(), T, truth)
 
 
 class LiveReadings(FeedReadings):

@@ -119,6 +119,7 @@ def _chained(path: Path, links: list[Trajectory]) -> Trajectory:
         step = link.at(stamps)
         whole = replace(
             whole,
+            has_attitudes=whole.has_attitudes or step.has_attitudes,
             position_m=whole.position_m + transforms.quat_rotate(whole.quat_xyzw, step.position_m),
             quat_xyzw=transforms.quat_multiply(whole.quat_xyzw, step.quat_xyzw),
         )

@@ -115,6 +115,20 @@ def fit_attitudes(truth: Trajectory, estimate: Trajectory) -> Array:
     return R
 
 
+def body_rotation(truth: Trajectory, estimate: Trajectory) -> Array:
+    """Rotation R in R_estimate = R_truth · R that fits all pairs best, shape (3, 3).
+
+    It lies between the body frames of an estimate and the truth, whatever the worlds, which are aligned.
+
+    Args:
+        truth: True poses, one per pair.
+        estimate: Their partners, aligned.
+    """
+    return fit_attitudes(
+        *(replace(one, quat_xyzw=transforms.quat_conjugate(one.quat_xyzw)) for one in (truth, estimate))
+    )
+
+
 def attitude_errors_deg(truth: Trajectory, estimate: Trajectory) -> Array:
     """Angles between true and estimated attitudes [deg] after `fit_attitudes`, shape (N,)."""
     R = fit_attitudes(truth, estimate)
@@ -146,6 +160,24 @@ _NARROW, _LINE = 0.05, 1e-4
 """Width of a path, against its length, below which it is nearly straight, and below which it is a line."""
 _ERROR_MIN = 0.02
 """Position errors above this part of the width turn an alignment by a degree and more."""
+_STANDING_M = 0.5
+"""Spread of a path along its direction below which the car hardly moved [m]."""
+
+
+def position_error_m(truth: Trajectory, aligned: Trajectory) -> float:
+    """Position error of pairs, RMSE [m]."""
+    return float(np.sqrt(np.mean(np.sum((aligned.position_m - truth.position_m) ** 2, axis=1))))
+
+
+def rotation_is_open(truth: Trajectory, aligned: Trajectory) -> bool:
+    """Whether a fit of positions leaves the rotation open: the car hardly moved, beside the errors.
+
+    Args:
+        truth: True poses, one per pair.
+        aligned: Their partners, laid over them.
+    """
+    length = _extents(truth.position_m)[0][0]
+    return length < _STANDING_M and position_error_m(truth, aligned) > _ERROR_MIN * length
 
 
 def roll_is_open(truth: Trajectory, aligned: Trajectory) -> bool:
@@ -157,7 +189,7 @@ def roll_is_open(truth: Trajectory, aligned: Trajectory) -> bool:
     """
     length, width = _extents(truth.position_m)[0]
     width = min(width, _extents(aligned.position_m)[0][1])
-    error = float(np.sqrt(np.mean(np.sum((aligned.position_m - truth.position_m) ** 2, axis=1))))
+    error = position_error_m(truth, aligned)
     return width < _LINE * length or (width < _NARROW * length and error > _ERROR_MIN * width)
 
 

@@ -5,6 +5,7 @@ The time offset between two clocks, found by how the motion looks in both.
 
 import logging
 import math
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy.signal import correlate
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from recorder.evaluation.align import Alignment, align
+from recorder.evaluation.align import Alignment, align, position_error_m
 from recorder.evaluation.trajectory import Trajectory
 
 MAX_GAP_NS = 10_000_000
@@ -85,6 +86,37 @@ def _warn_of_gaps(
         )  # fmt: skip
 
 
+_USUAL_STEPS = 5.0
+"""Time between pairs is covered up to so many of their median intervals."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoveredTime:
+    """How much of the time from the first to the last pose of two trajectories has pairs."""
+
+    share: float
+    """That part, 0–1."""
+    longest_gap_s: float
+    """Longest time without a pair [s]."""
+    gap_after_ns: int
+    """Where that begins [ns]."""
+
+    @staticmethod
+    def of(truth: Trajectory, estimate: Trajectory, pair_ns: NDArray[np.int64]) -> "CoveredTime":
+        """The time that pairs cover, by their stamps [ns], of which there are two at least."""
+        both = (truth.stamp_ns, estimate.stamp_ns)
+        marks = np.array([min(s[0] for s in both), *pair_ns, max(s[-1] for s in both)])
+        steps = np.diff(marks)
+        covered = steps[steps <= _USUAL_STEPS * np.median(np.diff(pair_ns))].sum()
+        k = int(np.argmax(steps))
+        share = float(covered / steps.sum())
+        return CoveredTime(share=share, longest_gap_s=float(steps[k]) * 1e-9, gap_after_ns=int(marks[k]))
+
+    def __str__(self) -> str:
+        gap = f"none for {self.longest_gap_s:.1f} s after {self.gap_after_ns / 1e9:.3f} s"
+        return f"{self.share:.0%} of the time: {gap}"
+
+
 def interpolation(truth: Trajectory, estimate: Trajectory) -> tuple[Association, int]:
     """Which of two trajectories to interpolate, the one of the higher rate, and over what gaps [ns]."""
     intervals = [
@@ -150,9 +182,29 @@ def _next_step(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> str:
         return "give trajectories with poses"
     apart_ns = max(truth.stamp_ns[0] - estimate.stamp_ns[-1], estimate.stamp_ns[0] - truth.stamp_ns[-1])
     if apart_ns > 0:
-        return f"the stamps lie {apart_ns / 1e9:.6g} s apart; use --time-offset search"
+        starts_s = float(truth.stamp_ns[0] - estimate.stamp_ns[0]) * 1e-9
+        name = clock_name(starts_s, within_s=0.5 * truth.duration_s + 1.0)
+        return f"the stamps lie {apart_ns / 1e9:.6g} s apart{name}; use --time-offset search"
     missing = _beyond_gap(truth, estimate, max_gap_ns)
     return _wider(missing[1]) if missing else "check the stamps"
+
+
+_CLOCKS_S = {
+    18: "the leap seconds between GPS time and UTC",
+    37: "the leap seconds between TAI and UTC",
+}
+"""Constant differences of clocks since 2017 [s]."""
+
+
+def clock_name(offset_s: float, *, within_s: float = 0.3) -> str:
+    """In brackets, the known difference of clocks that an offset is, up to a tolerance [s]; else empty."""
+    hours = round(offset_s / 3600.0)
+    if 1 <= abs(hours) <= 14 and abs(offset_s - 3600.0 * hours) < min(within_s, 900.0):
+        return f" ({abs(hours)} h: whole hours, as between time zones)"
+    for known_s, name in _CLOCKS_S.items():
+        if abs(abs(offset_s) - known_s) < min(within_s, 0.3):
+            return f" ({name})"
+    return ""
 
 
 def _wider(apart_ns: int) -> str:
@@ -176,6 +228,8 @@ _GRID_S = 0.01
 """Step of the first search [s]."""
 _SAMPLES_MAX = 400_000
 """Longest signal of the first search: more than an hour."""
+_BASE_S = 0.5
+"""Time over which rates are taken, where there are enough poses [s]."""
 _REACH_NS = 300_000_000
 """Reach of the second search about the result of the first, which noise displaces [ns]."""
 _AGREEMENT_MIN = 0.5
@@ -219,15 +273,17 @@ def find_time_offset(truth: Trajectory, estimate: Trajectory, alignment: Alignme
 def _rates(trajectory: Trajectory, step_s: float, kind: str) -> Array:
     """Rate of turning [rad/s] or speed [m/s] on a regular grid from the first pose on."""
     t = (trajectory.stamp_ns - trajectory.stamp_ns[0]) * 1e-9
+    # Between neighbours, noise of poses hides the motion.
+    k = max(1, min(round(_BASE_S * (len(t) - 1) / t[-1]), len(t) // 20))
     grid = np.arange(0.0, t[-1], step_s)
     if kind == "go":
-        moved = np.linalg.norm(np.diff(trajectory.position_m, axis=0), axis=1)
+        moved = np.linalg.norm(trajectory.position_m[k:] - trajectory.position_m[:-k], axis=1)
     else:
         turn = transforms.quat_multiply(
-            transforms.quat_conjugate(trajectory.quat_xyzw[:-1]), trajectory.quat_xyzw[1:]
+            transforms.quat_conjugate(trajectory.quat_xyzw[:-k]), trajectory.quat_xyzw[k:]
         )
         moved = 2.0 * np.arctan2(np.linalg.norm(turn[:, :3], axis=1), np.abs(turn[:, 3]))
-    rate: Array = np.interp(grid, 0.5 * (t[1:] + t[:-1]), moved / np.diff(t))
+    rate: Array = np.interp(grid, 0.5 * (t[k:] + t[:-k]), moved / (t[k:] - t[:-k]))
     return rate
 
 
@@ -254,8 +310,7 @@ def _refined(
     def error_m(offset_ns: float) -> float:
         shifted = estimate.shifted(coarse_ns + round(offset_ns))
         true, paired = associate(truth, shifted, Association.INTERPOLATED, max_gap_ns=gap_ns)
-        aligned = align(true, paired, alignment).apply(paired)
-        return float(np.sqrt(np.mean(np.sum((aligned.position_m - true.position_m) ** 2, axis=1))))
+        return position_error_m(true, align(true, paired, alignment).apply(paired))
 
     best = minimize_scalar(error_m, bounds=(-reach_ns, reach_ns), method="bounded", options={"xatol": 1e4})
     return coarse_ns + round(float(best.x))

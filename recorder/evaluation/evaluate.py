@@ -7,19 +7,46 @@ Position errors of an estimate along its path, kept so that it need not be evalu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from recorder.evaluation.align import Alignment, Similarity, align, roll_is_open, rolled
-from recorder.evaluation.associate import MAX_GAP_NS, Association, associate
-from recorder.evaluation.metrics import Metric, SegmentError, Statistics, errors, segment_errors
+from recorder.evaluation.align import (
+    Alignment,
+    Similarity,
+    align,
+    attitude_errors_deg,
+    body_rotation,
+    position_error_m,
+    roll_is_open,
+    rolled,
+    rotation_is_open,
+    umeyama,
+)
+from recorder.evaluation.associate import (
+    MAX_GAP_NS,
+    Association,
+    CoveredTime,
+    associate,
+    clock_name,
+    find_time_offset,
+)
+from recorder.evaluation.metrics import (
+    OF_POSITIONS,
+    Metric,
+    SegmentError,
+    Statistics,
+    errors,
+    segment_errors,
+)
 from recorder.evaluation.trajectory import Trajectory
 
 
@@ -39,6 +66,8 @@ class EvaluationResult:
     """The fit."""
     expected: int
     """Poses that the system should have given over the time of the truth."""
+    covered: CoveredTime
+    """How much of the time has pairs."""
     values: Mapping[Metric, NDArray[np.float64]]
     """Errors per pose, or per step between consecutive poses."""
     statistics: Mapping[Metric, Statistics]
@@ -48,6 +77,8 @@ class EvaluationResult:
     roll_from_attitudes: bool = False
     """Whether the path is so straight that positions leave the roll about it open: the absolute rotation
     error is that after the roll which fits attitudes best."""
+    findings: tuple[str, ...] = ()
+    """Causes of errors that lie in the files or the settings, a line each, with the cure."""
 
     @property
     def matched(self) -> int:
@@ -70,6 +101,8 @@ class EvaluationResult:
             "matched": self.matched,
             "expected": self.expected,
             "coverage": self.coverage,
+            "covered_time": asdict(self.covered),
+            "findings": list(self.findings),
             "transform": {
                 "R": self.transform.R.tolist(),
                 "t_m": self.transform.t.tolist(),
@@ -111,7 +144,7 @@ def evaluate(
         expected: Poses that the system should have given; None: as many as its median interval fits
             into the time of the truth, or those that it gave.
         delta: Poses from one end of a step to the other, for relative metrics.
-        metrics: Kinds of errors to measure.
+        metrics: Kinds of errors to measure; without attitudes, those of them that need none.
 
     Raises:
         EvaluationError: too few pairs, or an alignment that is not determined.
@@ -127,11 +160,17 @@ def evaluate(
         )
     transform = align(true, paired, alignment)
     aligned = transform.apply(paired)
-    roll_open = alignment in (Alignment.SE3, Alignment.SIM3) and roll_is_open(true, aligned)
+    has_attitudes = true.has_attitudes and aligned.has_attitudes
+    if not has_attitudes:
+        metrics = [metric for metric in metrics if metric in OF_POSITIONS]
+    roll_open = alignment in (Alignment.SE3, Alignment.SIM3) and has_attitudes and roll_is_open(true, aligned)
     values = {metric: errors(metric, true, aligned, delta=delta) for metric in metrics}
-    if roll_open and Metric.APE_ROTATION in values:
+    hardly_moved = alignment is not Alignment.NONE and rotation_is_open(true, aligned)
+    if hardly_moved and Metric.APE_ROTATION in values:
+        values[Metric.APE_ROTATION] = attitude_errors_deg(true, aligned)
+    elif roll_open and Metric.APE_ROTATION in values:
         values[Metric.APE_ROTATION] = errors(Metric.APE_ROTATION, true, rolled(true, aligned))
-    return EvaluationResult(
+    result = EvaluationResult(
         truth=true,
         estimate=aligned,
         alignment=alignment,
@@ -140,11 +179,103 @@ def evaluate(
         expected=max(len(true), _expected(truth, estimate, association))
         if expected is None
         else max(expected, 1),
+        covered=CoveredTime.of(moved, shifted, true.stamp_ns),
         values=values,
         statistics={metric: Statistics.of(v) for metric, v in values.items()},
-        segments=segment_errors(true, aligned),
+        segments=segment_errors(true, aligned) if has_attitudes else (),
         roll_from_attitudes=roll_open,
     )
+    return replace(result, findings=tuple(_findings(result, moved, shifted, hardly_moved=hardly_moved)))
+
+
+_CAUSE = 0.4
+"""A cause is named if the error without it is below this part of the error, and of a standing estimate's."""
+_TURN_DEG, _SCALE, _OFFSET_S, _TIME = 3.0, 0.1, 0.005, 0.95
+"""Least rotation [deg], change of scale and offset [s] that are named; coverage below which gaps are."""
+
+
+def _findings(
+    result: EvaluationResult, truth: Trajectory, estimate: Trajectory, *, hardly_moved: bool
+) -> Iterator[str]:
+    """Lines of `EvaluationResult.findings`; truth and estimate are those before pairing."""
+    yield from (*truth.notes, *estimate.notes)
+    for one in (truth, estimate):
+        if not one.has_attitudes:
+            yield f"'{one.name}' has positions, but no attitudes that change: rotation errors are left out"
+    if result.covered.share < _TIME:
+        yield f"pairs cover {result.covered}"
+    if hardly_moved:
+        path_m = result.truth.length_m
+        yield f"'{truth.name}' hardly moves ({path_m:.2g} m): its rotation error is after a fit of attitudes"
+    else:
+        yield from _body_findings(result)
+        yield from _scale_findings(result)
+        yield from _clock_findings(result, truth, estimate)
+
+
+def _body_findings(result: EvaluationResult) -> Iterator[str]:
+    """A constant rotation between the body frames, where positions fit."""
+    truth, estimate = result.truth, result.estimate
+    fits = position_error_m(truth, estimate) < _CAUSE * standing_error_m(result)
+    if not (fits and truth.has_attitudes and estimate.has_attitudes):
+        return
+    estimate = rolled(truth, estimate) if result.roll_from_attitudes else estimate
+    R = body_rotation(truth, estimate)
+    quat = transforms.matrix_to_quat(R)
+    angle_deg = float(np.degrees(np.linalg.norm(transforms.quat_to_rotvec(quat))))
+    turned = truth.of_sensor(transforms.from_rotation(R))
+    before, after = (Statistics.of(errors(Metric.APE_ROTATION, t, estimate)).rmse for t in (truth, turned))
+    if angle_deg > _TURN_DEG and after < _CAUSE * before:
+        turn = ",".join(f"{round(float(a), 1) + 0.0:g}" for a in np.degrees(transforms.quat_to_rpy(quat)))
+        yield (
+            f"a constant rotation of {angle_deg:.1f}° lies between the body frames of '{estimate.name}' and "
+            f"'{truth.name}'; evaluate --estimate-to-truth={turn} (roll, pitch, yaw [deg]), auto or the "
+            "extrinsic X,Y,Z,QX,QY,QZ,QW takes it out"
+        )
+
+
+def _scale_findings(result: EvaluationResult) -> Iterator[str]:
+    """A scale far from 1, fitted or not."""
+    if result.alignment is Alignment.SIM3:
+        if abs(np.log(result.transform.scale)) > _SCALE:
+            yield f"the fitted scale is {result.transform.scale:.4g}: the estimate is not in metres"
+        return
+    truth, estimate = result.truth, result.estimate
+    with suppress(EvaluationError):
+        fit = umeyama(estimate.position_m, truth.position_m, with_scale=True)
+        error_m = position_error_m(truth, fit.apply(estimate))
+        if fit.scale > 0 and abs(np.log(fit.scale)) > _SCALE and _explains(result, error_m):
+            yield (
+                f"a scale of {fit.scale:.4g} explains most of the error ({_instead(result, error_m)}); "
+                "evaluate --align sim3 fits it"
+            )
+
+
+def _clock_findings(result: EvaluationResult, truth: Trajectory, estimate: Trajectory) -> Iterator[str]:
+    """A constant offset of the estimate's clock."""
+    with suppress(EvaluationError):
+        offset_ns = find_time_offset(truth, estimate, result.alignment)
+        true, paired = associate(
+            truth, estimate.shifted(offset_ns), Association.INTERPOLATED,
+            max_gap_ns=2 * int(np.median(np.diff(truth.stamp_ns))),
+        )  # fmt: skip
+        error_m = position_error_m(true, align(true, paired, result.alignment).apply(paired))
+        enough = len(true) >= 0.8 * result.matched
+        if enough and abs(offset_ns) * 1e-9 > _OFFSET_S and _explains(result, error_m):
+            offset_s = offset_ns / 1e9
+            yield (
+                f"a constant offset of {offset_s:+.3f} s of the estimate's clock{clock_name(offset_s)} "
+                f"explains most of the error ({_instead(result, error_m)}); "
+                f"evaluate --time-offset={offset_s:.3f} takes it out"
+            )
+
+
+def _explains(result: EvaluationResult, error_m: float) -> bool:
+    return error_m < _CAUSE * min(position_error_m(result.truth, result.estimate), standing_error_m(result))
+
+
+def _instead(result: EvaluationResult, error_m: float) -> str:
+    return f"APE {error_m:.3g} m in place of {position_error_m(result.truth, result.estimate):.3g} m"
 
 
 def _expected(truth: Trajectory, estimate: Trajectory, association: Association) -> int:
@@ -165,7 +296,7 @@ class FailRule:
     """
 
     coverage_min: float = 0.8
-    """Least share of the expected poses, 0–1; initialisation counts as missing."""
+    """Least share of the expected poses, and of the time, 0–1; initialisation counts as missing."""
     ape_of_standing: float = 0.5
     """Largest position error, as a share of what an estimate that stands at the best place has."""
     ape_small_m: float = 0.1
@@ -179,6 +310,8 @@ class FailRule:
         """
         if result.coverage < self.coverage_min:
             return f"covers {result.coverage:.0%} of the sequence, less than {self.coverage_min:.0%}"
+        if result.covered.share < self.coverage_min:
+            return f"covers {result.covered}; {self.coverage_min:.0%} is the least"
         standing_m = standing_error_m(result)
         ape_m = result.statistics[Metric.APE_TRANSLATION].rmse
         if ape_m >= max(self.ape_of_standing * standing_m, self.ape_small_m):

@@ -34,6 +34,10 @@ class Metric(Enum):
         return "deg" if self in (Metric.APE_ROTATION, Metric.RPE_ROTATION) else "m"
 
 
+OF_POSITIONS = (Metric.APE_TRANSLATION, Metric.RPE_PAPER, Metric.RPE_POINT_DISTANCE)
+"""Metrics that need no attitudes."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statistics:
     """Summary of errors, in the unit of the metric."""

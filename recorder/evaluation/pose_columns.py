@@ -42,7 +42,7 @@ class PoseColumns:
     position: tuple[int, ...]
     """x, y, z [m]."""
     attitude: tuple[int, ...]
-    """Quaternion, or roll, pitch, yaw."""
+    """Quaternion, or roll, pitch, yaw; empty: there is none."""
     form: str
     """What a row is, for errors."""
     nanosecond: int | None = None
@@ -126,12 +126,14 @@ def columns_by_name(texts: Sequence[str], sample: Array) -> PoseColumns | str:
     numbered = _complete(groups, "q", "0123")
     turns = _complete(groups, "r", _TURNS)
     stamp = _time(names)
+    # A table of positions alone has nothing that could be a part of an attitude.
+    no_part = not any(kind in "qr" for kind, _ in groups)
     missing = [
         what
         for what, found in (
             ("time", stamp is not None),
             ("x y z", bool(positions)),
-            ("qx qy qz qw or roll pitch yaw", bool(quaternions or numbered or turns)),
+            ("qx qy qz qw or roll pitch yaw", bool(quaternions or numbered or turns) or no_part),
         )
         if not found
     ]
@@ -139,7 +141,7 @@ def columns_by_name(texts: Sequence[str], sample: Array) -> PoseColumns | str:
         return " and ".join(missing)
     if any(names[place].unit == "other length" for place in positions[0]):
         return "x y z in metres"
-    attitude = (quaternions or numbered or turns)[0]
+    attitude = (quaternions or numbered or turns or [()])[0]
     several = len(positions) > 1 or len(quaternions or turns) > 1
     chosen = [texts[place] for place in (stamp, *positions[0], *attitude)]
     return PoseColumns(
@@ -150,7 +152,7 @@ def columns_by_name(texts: Sequence[str], sample: Array) -> PoseColumns | str:
         form=" ".join(chosen),
         time_unit=names[stamp].unit if names[stamp].unit in _TIME_UNITS else None,
         order="xyzw" if quaternions else None if numbered else "rpy",
-        angle_unit=names[attitude[0]].unit,
+        angle_unit=names[attitude[0]].unit if attitude else None,
         note=f"several poses a row; columns {', '.join(chosen)} are read" if several else None,
     )
 
@@ -194,6 +196,8 @@ def _is_split(seconds: Array, nanoseconds: Array) -> bool:
 def columns_by_place(sample: Array) -> PoseColumns | None:
     """Columns of a table without names: a time, a position, a quaternion, and before them perhaps a number.
 
+    Four columns are a time and a position.
+
     Args:
         sample: Some rows, shape (N, M).
 
@@ -201,6 +205,8 @@ def columns_by_place(sample: Array) -> PoseColumns | None:
         None: it has too few columns.
     """
     count = sample.shape[1]
+    if count == 4:
+        return PoseColumns(stamp=0, position=(1, 2, 3), attitude=(), form="time x y z")
     if count < 8:
         return None
     first = 0

@@ -32,8 +32,8 @@ from carlaloc_env.core.transforms import matrix_to_quat
 _LONG_BYTES = 500_000
 """Shorter files are not worth the loading of Arrow."""
 _HEAD_CHARACTERS, _SAMPLE_ROWS = 100_000, 200
-_COLUMNS_MIN = 7
-"""No table of poses has fewer: a time, a position, three angles."""
+_COLUMNS_MIN = 4
+"""No table of poses has fewer: a time, a position."""
 _COMMENTS = ("#", "%", "//")
 
 

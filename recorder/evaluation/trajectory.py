@@ -18,6 +18,7 @@ uncertainty with three-dimensional poses for use in estimation problems", T-RO 3
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -44,6 +45,10 @@ class Trajectory:
     """Attitudes, map the frame to the world, unit quaternions, shape (N, 4)."""
     name: str = ""
     """Its name in results."""
+    has_attitudes: bool = True
+    """Whether the attitudes were measured; else they are the identity and mean nothing."""
+    notes: tuple[str, ...] = ()
+    """Poses of its file that cannot be right, a line each."""
 
     def __post_init__(self) -> None:
         count = len(self.stamp_ns)
@@ -106,8 +111,13 @@ class Trajectory:
 
         Args:
             T_body_sensor: Maps sensor coordinates to this trajectory's frame, shape (4, 4).
+
+        Raises:
+            EvaluationError: there are no attitudes that a lever arm could follow.
         """
         T = np.asarray(T_body_sensor, dtype=np.float64)
+        if not self.has_attitudes and T[:3, 3].any():
+            raise EvaluationError(f"'{self.name}' has no attitudes, which a lever arm needs; give none")
         lever = np.broadcast_to(T[:3, 3], self.position_m.shape)
         return replace(
             self,
@@ -118,35 +128,60 @@ class Trajectory:
 
 _POSITION_MAX_M = 1e9
 """Positions beyond are no trajectory of this world [m]."""
+_LENGTH_MIN_M, _WIDTH_MIN = 1.0, 0.05
+"""A path of this spread [m], and of this part of it beside its direction, turns."""
+_SPIKE_M, _SPIKE_STEPS = 1.0, 10.0
+"""A pose that is farther from both its neighbours, also in usual steps, is impossible if these are close."""
 _RUN_STEPS, _RUN_POSES = 10, 10
 """A run begins where stamps jump back by more than so many steps, after at least so many poses on average."""
 _LOG = logging.getLogger(__name__)
 
 
-def in_order(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> Trajectory:
+def in_order(
+    path: Path,
+    stamp_ns: NDArray[np.int64],
+    position_m: Array,
+    quat_xyzw: Array | None,
+    place: Callable[[int], str] = lambda row: f"pose {row + 1}",
+) -> Trajectory:
     """The trajectory of what a file holds.
 
     Poses that are not finite are left out, others sorted, of poses of one time the last one counts; each
-    with a warning.
+    with a warning. Attitudes that are all missing, zero, or the same along a path that turns are none.
+
+    Args:
+        path: The file.
+        stamp_ns: Times [ns], shape (N,).
+        position_m: Positions [m], shape (N, 3).
+        quat_xyzw: Attitudes, shape (N, 4); None: it holds none.
+        place: Where in the file a row stands.
 
     Raises:
         EvaluationError: no pose is finite, a quaternion is far from unit length, or the file holds two runs.
     """
+    has_attitudes = quat_xyzw is not None and not _are_none(quat_xyzw, position_m)
+    if quat_xyzw is None or not has_attitudes:
+        quat_xyzw = np.tile([0.0, 0.0, 0.0, 1.0], (len(position_m), 1))
     finite: NDArray[np.bool_] = np.all(np.isfinite(np.hstack([position_m, quat_xyzw])), axis=1)
     if not finite.any():
         raise EvaluationError(f"{path} holds only poses that are not finite")
+    rows = np.flatnonzero(finite)
     if not finite.all():
         lost = len(finite) - int(finite.sum())
         _LOG.warning("%s: %d of %d poses are not finite; left out", path, lost, len(finite))
         stamp_ns, position_m, quat_xyzw = stamp_ns[finite], position_m[finite], quat_xyzw[finite]
-    if not np.all(np.abs(position_m) < _POSITION_MAX_M):
-        raise EvaluationError(f"{path} holds a position beyond {_POSITION_MAX_M:g} m; give metres")
+    if (beyond := np.any(np.abs(position_m) >= _POSITION_MAX_M, axis=1)).any():
+        where = place(int(rows[np.argmax(beyond)]))
+        raise EvaluationError(f"{path} holds a position beyond {_POSITION_MAX_M:g} m ({where}); give metres")
     with np.errstate(over="ignore"):
         norm = np.sqrt(np.sum(quat_xyzw**2, axis=1, keepdims=True))
-    if not np.all(wrong := np.abs(norm - 1.0) < 0.01):
+    if (wrong := ~(np.abs(norm[:, 0] - 1.0) < 0.01)).any():
+        first = int(np.argmax(wrong))
+        few = 2 * np.count_nonzero(wrong) < len(wrong)
+        cure = "correct or remove it; is an exponent lost?" if few else "name its columns in a header"
         raise EvaluationError(
-            f"{path} holds a quaternion that is not of length 1 (pose {int(np.argmin(wrong)) + 1}); "
-            "name its columns in a header"
+            f"{path} holds a quaternion that is not of length 1 ({place(int(rows[first]))}) but of "
+            f"{norm[first, 0]:.3g}; {cure}"
         )
     _check_runs(path, stamp_ns)
     order = np.argsort(stamp_ns, kind="stable")
@@ -163,6 +198,39 @@ def in_order(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xy
         position_m=position_m[kept],
         quat_xyzw=quat_xyzw[kept] / norm[kept],
         name=path.stem,
+        has_attitudes=has_attitudes,
+        notes=_impossible(position_m[kept], lambda row: f"{path} {place(int(rows[kept[row]]))}"),
+    )
+
+
+def _are_none(quat_xyzw: Array, position_m: Array) -> bool:
+    """Whether attitudes are all missing or zero, or all the same although the path turns."""
+    given = quat_xyzw[np.isfinite(quat_xyzw).all(axis=1)]
+    path_m = position_m[np.isfinite(position_m).all(axis=1)]
+    if not given.any() or len(path_m) < 3:
+        return not given.any()
+    spread_m = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(path_m.T)), 0.0))
+    turns = spread_m[2] > _LENGTH_MIN_M and spread_m[1] > _WIDTH_MIN * spread_m[2]
+    is_one = np.ptp(given, axis=0).max() < 1e-9 and abs(np.linalg.norm(given[0]) - 1.0) < 0.01
+    return bool(turns and is_one)
+
+
+def _impossible(position_m: Array, place: Callable[[int], str]) -> tuple[str, ...]:
+    """A line for positions far from those before and after, which are close to each other."""
+    if len(position_m) < 3:
+        return ()
+    steps_m = np.linalg.norm(np.diff(position_m, axis=0), axis=1)
+    away_m = np.minimum(steps_m[:-1], steps_m[1:])
+    beside_m = np.linalg.norm(position_m[2:] - position_m[:-2], axis=1)
+    least_m = max(_SPIKE_M, _SPIKE_STEPS * float(np.median(steps_m)))
+    found = np.flatnonzero((away_m > least_m) & (beside_m < 0.2 * away_m))
+    if not len(found):
+        return ()
+    others = f", and {len(found) - 1} more like it" if len(found) > 1 else ""
+    where, far_m = place(int(found[0]) + 1), away_m[found[0]]
+    return (
+        f"{where}: impossible position, {far_m:.4g} m from the poses before and after it{others}; correct or "
+        "remove it; is an exponent or a digit lost?",
     )
 
 

@@ -1,6 +1,8 @@
 """Files of trajectories as text: TUM, EuRoC's table, KITTI's matrices and tables with named columns."""
 
 import logging
+from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -99,7 +101,8 @@ def read_tum(path: str | Path) -> Trajectory:
 def _named(table: TextTable) -> PoseColumns | None:
     """Columns by the names of a header; None: there is none, or it is a comment of other things."""
     found = None if table.names is None else columns_by_name(table.names, table.sample)
-    if isinstance(found, PoseColumns):
+    # Of a comment, a name for each part is needed to believe that it is a header of many columns.
+    if isinstance(found, PoseColumns) and (found.attitude or table.title or table.count < 8):
         return found
     if table.title is None:
         return None
@@ -121,6 +124,8 @@ def _poses(
         nanosecond=columns.nanosecond,
     )
     position_m, attitude = pose[:, :3], pose[:, 3:]
+    if not columns.attitude:
+        return in_order(table.path, stamps, position_m, None, _line_of(table))
     if quaternion is not None and quaternion != (columns.order or quaternion):
         _LOG.warning("%s: its header names the order of quaternions; --quaternion is not applied", table.path)
     if columns.order == "rpy":
@@ -128,7 +133,12 @@ def _poses(
     else:
         order = columns.order or quaternion or _order(table, unit, position_m, attitude)
         quat = as_xyzw(attitude, order)
-    return in_order(table.path, stamps, position_m, quat)
+    return in_order(table.path, stamps, position_m, quat, _line_of(table))
+
+
+def _line_of(table: TextTable) -> Callable[[int], str]:
+    """Where the rows of a table stand."""
+    return lambda row: f"line {next(islice(table.rows(), row, None))[0]}"
 
 
 def _unit(table: TextTable, stamp: int, named: str | None) -> str:
@@ -175,7 +185,8 @@ def _matrices(table: TextTable, begin: int, times: Path | None, time_unit: str |
     else:
         frames, rows = table.read(range(begin, begin + 12), form, stamp=0 if begin else None)
         stamps = _times(table.path, times, time_unit, frames if begin else np.arange(len(rows)))
-    return in_order(table.path, stamps, *poses_of(table.path, rows.reshape(-1, 3, 4)))
+    poses = poses_of(table.path, rows.reshape(-1, 3, 4))
+    return in_order(table.path, stamps, *poses, _line_of(table))
 
 
 def _times(

@@ -9,6 +9,7 @@ from pathlib import Path
 from statistics import median
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError, unknown_name
+from recorder.dataset.readings import faults_of_foreign
 from recorder.dataset.scans import Progress, Scan, ScanTimes, read_scans
 from recorder.evaluation.trajectory import Trajectory
 from recorder.slam.system import MIDDLE, FrameClock, trajectory_of
@@ -107,6 +108,8 @@ def run_odometry(
     system = SYSTEMS[METHODS[method]]
     if system.missing:
         raise MissingDependencyError(system.missing)
+    for fault in faults_of_foreign(bag):
+        _LOG.warning("%s: %s", bag, fault)
     module, function = system.runner.split(":")
     source = BagScans(bag, topic, times or ScanTimes(), progress)
     found = list(getattr(import_module(module), function)(source, FrameClock()))

@@ -13,7 +13,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import DepthImage, Image, Imu, PointCloud, Sample
 from recorder.dataset.layout import DriveFolder
-from recorder.dataset.readings import open_bag, topic_of
+from recorder.dataset.readings import imu_faults, imu_sample, open_bag, topic_of
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.writers.calibration.files import EXTRINSICS
@@ -26,16 +26,11 @@ WITHIN_M, WITHIN_SHARE = 0.1, 0.02
 """A point fits if its depth differs by no more than this [m] and this share of it."""
 FITTING_SHARE = 0.6
 """Least share of fitting points; the others lie at outlines, which two sensors see differently."""
-WINDOW_S = 0.5
-"""Time over which the IMU is integrated [s]."""
-FORCE_MPS2, RATE_RADPS = 0.3, 0.02
-"""Largest mean error of acceleration [m/s²] and angular rate [rad/s]; biases are smaller."""
 _CLOUDS = ("points_labelled", "points", "cloud_draco")
 _DEPTHS = ("image_32fc1", "depth_png")
 """Encoders of messages that are compared, see `messages.ENCODERS`."""
 _GENERIC = 4
 """Draco's type of attributes without a standard meaning."""
-_GRAVITY_MPS2 = np.array([0.0, 0.0, -9.81])
 
 
 def extrinsics_of(drive: DriveFolder) -> dict[str, Array]:
@@ -72,7 +67,9 @@ def check_fit(
                 yield from _check_depth(reader, depths, lidar, info, T_base, truth)
         imu = connections.get(topic(Imu, ("imu",), "imu"))
         if imu and "imu" in T_base:
-            yield from _check_imu(reader, imu, T_base["imu"], truth)
+            raws = (raw for _, _, raw in reader.messages([imu]))
+            samples = (imu_sample(reader.deserialize(raw, imu.msgtype)) for raw in raws)
+            yield from imu_faults(samples, T_base["imu"], truth)
 
 
 def _check_depth(
@@ -135,21 +132,14 @@ def _in_camera(
     """Points of a cloud, each measured at another time, in the camera's frame at the stamp, shape (N, 3)."""
     at_ns = stamp_ns + after_ns
     keep = at_ns <= truth.stamp_ns[-1]
-    position, quat = _pose_at(truth, at_ns[keep])
-    world = transforms.quat_rotate(quat, transforms.apply(T_base_lidar, xyz[keep])) + position
-    position, quat = _pose_at(truth, np.array([stamp_ns]))
-    T_world_base = np.eye(4)
-    T_world_base[:3, :3], T_world_base[:3, 3] = transforms.quat_to_matrix(quat[0]), position[0]
+    times_ns, row = np.unique(at_ns[keep], return_inverse=True)
+    swept, still = truth.at(times_ns), truth.at(np.array([stamp_ns]))
+    in_base = transforms.apply(T_base_lidar, xyz[keep])
+    world = transforms.quat_rotate(swept.quat_xyzw[row], in_base) + swept.position_m[row]
+    T_world_base = transforms.from_rotation(
+        transforms.quat_to_matrix(still.quat_xyzw[0]), still.position_m[0]
+    )
     return transforms.apply(np.linalg.inv(T_world_base @ T_base_camera), world)
-
-
-def _pose_at(truth: Trajectory, stamp_ns: Any) -> tuple[Array, Array]:
-    after = np.clip(np.searchsorted(truth.stamp_ns, stamp_ns, side="right"), 1, len(truth.stamp_ns) - 1)
-    before = after - 1
-    fraction = (stamp_ns - truth.stamp_ns[before]) / (truth.stamp_ns[after] - truth.stamp_ns[before])
-    start, end = truth.position_m[before], truth.position_m[after]
-    position = start + fraction[:, None] * (end - start)
-    return position, transforms.quat_slerp(truth.quat_xyzw[before], truth.quat_xyzw[after], fraction)
 
 
 def _fitting(points: Array, depth_m: Any, info: Any) -> Any:
@@ -177,38 +167,6 @@ def _fitting(points: Array, depth_m: Any, info: Any) -> Any:
     )
     margin = WITHIN_M + WITHIN_SHARE * z
     return (z > nearest - margin) & (z < farthest + margin)
-
-
-def _check_imu(reader: Any, connection: Connection, T_base_imu: Array, truth: Trajectory) -> Iterator[str]:
-    rows = []
-    for _, stamp, raw in reader.messages([connection]):
-        m = reader.deserialize(raw, connection.msgtype)
-        f, w = m.linear_acceleration, m.angular_velocity
-        rows.append((stamp, f.x, f.y, f.z, w.x, w.y, w.z))
-    if len(rows) < 20:
-        return
-    stamps = np.array([row[0] for row in rows], np.int64)
-    values = np.array([row[1:] for row in rows])
-    position, quat = _pose_at(truth, stamps)
-    lever = transforms.quat_rotate(quat, T_base_imu[:3, 3]) + position
-    turned = transforms.apply(transforms.from_rotation(T_base_imu[:3, :3]), values[:, :3])
-    acceleration = transforms.quat_rotate(quat, turned) + _GRAVITY_MPS2
-    rate = transforms.apply(transforms.from_rotation(T_base_imu[:3, :3]), values[:, 3:])
-    period_s = float(np.median(np.diff(stamps))) / 1e9
-    step = max(2, round(WINDOW_S / period_s))
-    velocity = np.gradient(lever, period_s, axis=0)
-    turns = transforms.quat_multiply(transforms.quat_conjugate(quat[:-1]), quat[1:])
-    true_rate = 2.0 * turns[:, :3] * np.sign(turns[:, 3:4]) / period_s
-    force_error, rate_error = [], []
-    for begin in range(1, len(stamps) - step - 1, step):
-        window = slice(begin, begin + step)
-        change = (velocity[begin + step] - velocity[begin]) / (step * period_s)
-        force_error.append(float(np.linalg.norm(acceleration[window].mean(axis=0) - change)))
-        rate_error.append(float(np.linalg.norm((rate[window] - true_rate[window]).mean(axis=0))))
-    if force_error and np.median(force_error) > FORCE_MPS2:
-        yield f"IMU does not fit the truth: accelerations are {np.median(force_error):.2f} m/s² off"
-    if rate_error and np.median(rate_error) > RATE_RADPS:
-        yield f"IMU does not fit the truth: angular rates are {np.median(rate_error):.3f} rad/s off"
 
 
 def _first(reader: Any, connection: Connection) -> Any:

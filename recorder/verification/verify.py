@@ -3,26 +3,24 @@
 Checks of a sequence's streams: number of messages, their stamps, and equal stamps of a stereo pair.
 """
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.samples import Image, ObjectList, Odometry
 from recorder.dataset.layout import SequenceFolder, checksums, read_checksums
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
-from recorder.dataset.readings import open_bag
+from recorder.dataset.readings import Stamps, check_gaps, stamps_in
 from recorder.replaying.working_folder import FOLDER
 from recorder.verification.against import compare
 from recorder.verification.calibration_fit import check_fit
 from recorder.writers.ros.messages import ENCODERS
 from recorder.writers.topics import TopicProfile
 
-Stamps = NDArray[np.int64]
 _PAIR = ("rgb_left", "rgb_right")
 """Streams of a stereo pair."""
 _TRUTH_STREAMS = {Odometry: "truth", ObjectList: "objects"}
@@ -37,21 +35,17 @@ def check_bag(bag: Path, samples: Mapping[str, int], profile: TopicProfile) -> I
         samples: Number of samples by stream, from the sequence's description.
         profile: Topics of the bag.
     """
-    found: dict[str, list[int]] = defaultdict(list)
-    types: dict[str, str] = {}
-    with open_bag(bag) as reader:
-        for connection, stamp, _ in reader.messages():
-            found[connection.topic].append(stamp)
-            types[connection.topic] = connection.msgtype
+    found = stamps_in(bag)
     expected = expected_counts(samples, profile)
-    for topic, stamps in sorted(found.items()):
-        wanted = expected.get((topic, types[topic]))
+    for (topic, kind), stamps in sorted(found.items()):
+        wanted = expected.get((topic, kind))
         if wanted is not None and wanted != len(stamps):
             yield f"{topic} has {len(stamps)} messages instead of {wanted}"
-        yield from check_gaps(topic, np.unique(np.array(stamps, np.int64)))
+        yield from check_gaps(topic, np.unique(stamps))
+    by_topic = {topic: stamps for (topic, _), stamps in found.items()}
     left, right = (profile.topic(Image, stream) for stream in _PAIR)
-    if left in found and right in found:
-        yield from check_pair(f"{left} and {right}", np.array(found[left]), np.array(found[right]))
+    if left in by_topic and right in by_topic:
+        yield from check_pair(f"{left} and {right}", by_topic[left], by_topic[right])
 
 
 def expected_counts(samples: Mapping[str, int], profile: TopicProfile) -> dict[tuple[str, str], int]:
@@ -65,21 +59,6 @@ def expected_counts(samples: Mapping[str, int], profile: TopicProfile) -> dict[t
             for route in profile.routes(kind, stream, samples):
                 counts[route.topic, ENCODERS[route.message][0]] += number
     return dict(counts)
-
-
-def check_gaps(name: str, stamps_ns: Stamps) -> Iterator[str]:
-    """Gaps between messages, and stamps that do not rise."""
-    steps = np.diff(stamps_ns)
-    if len(steps) < 2:
-        return
-    period = int(np.median(steps))
-    if period <= 0 or steps.min() <= 0:
-        yield f"{name}: stamps do not rise"
-        return
-    wide = np.flatnonzero(steps > 1.5 * period)
-    if len(wide):
-        first = stamps_ns[wide[0]]
-        yield f"{name} has {len(wide)} gaps, the first of {steps[wide[0]] / 1e9:.3f} s after {first} ns"
 
 
 def check_pair(name: str, left_ns: Stamps, right_ns: Stamps) -> Iterator[str]:

@@ -232,7 +232,7 @@ def test_tum_files(tmp_path: Path) -> None:
         ("", "no pose"),
         ("1 2 3\n", "line 1 is not"),
         ("1 0 0 0 0 0 0 1\nx 0 0 0 0 0 0 1\n", "line 2 is not"),
-        ("1 0 0 0 0 0 0 0\n", "length 1"),
+        ("1 0 0 0 0 0 0 0.5\n", "length 1"),
         ("1 nan 0 0 0 0 0 1\n", "not finite"),
     ],
 )

@@ -4,6 +4,7 @@ Examples:
   carlaloc evaluate --truth data/Town03/ground_truth/lidar.tum estimate.tum
   carlaloc evaluate --truth truth.tum orb.tum vins.tum --align posyaw --plot figures
   carlaloc evaluate --truth truth.tum odometry.bag --topic /odometry --time-offset search
+  carlaloc evaluate --truth lidar.tum orb.tum --estimate-to-truth=-90,0,-90
   carlaloc evaluate --truth gnss.csv run.bag --topic /tf:map.base_link --interpolate
   carlaloc evaluate --truth truth.tum est.tum --map est.ply --drive town03.mcap --plot figures
 """
@@ -11,6 +12,7 @@ Examples:
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import ConfigError, UsageError, unknown_name
@@ -64,6 +66,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="interpolate the one of the higher rate, over 1.5 of its intervals or --max-gap",
     )
     option(parser, "--time-offset", number_or_search, "S", "added to the stamps [s], or search", 0.0)
+    parser.add_argument(
+        "--estimate-to-truth",
+        type=_body_transform,
+        metavar="R,P,Y",
+        help="turn of the estimate's body frame in the truth's [deg], or its extrinsic X,Y,Z,QX,QY,QZ,QW "
+        "[m], or auto (default: none); --estimate-to-truth=-90,0,-90",
+    )
     option(parser, "--plot", OutputFolder(PLOT), "DIR", f"draw {PLOT} there")
     force_option(parser, "an older picture")
     maps = parser.add_argument_group("maps", "built by the system of the one estimate, in its frame")
@@ -81,8 +90,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Evaluate."""
+    from carlaloc_env.core.transforms import from_rotation
     from recorder.dataset.trajectories import read_trajectory
-    from recorder.evaluation.align import Alignment
+    from recorder.evaluation.align import Alignment, body_rotation
     from recorder.evaluation.associate import MAX_GAP_NS, Association, interpolation
     from recorder.evaluation.evaluate import evaluate
 
@@ -116,11 +126,15 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
             association, gap_ns = interpolation(truth, estimate)
         if arguments.max_gap is not None:
             gap_ns = _nanoseconds(arguments.max_gap)
-        result = evaluate(
-            truth, estimate, alignment=alignment, association=association, max_gap_ns=gap_ns,
+        score = partial(
+            evaluate, truth, estimate, alignment=alignment, association=association, max_gap_ns=gap_ns,
             time_offset_ns=offset_ns,
         )  # fmt: skip
-        results.append(result)
+        T = arguments.estimate_to_truth
+        if T == "auto":
+            found = score()
+            T = from_rotation(body_rotation(found.truth, found.estimate))
+        results.append(score(T_body_sensor=T))
         offsets_s.append(offset_ns / 1e9)
     plots: list[str] = []
     if arguments.plot is not None:
@@ -167,6 +181,23 @@ def _judge_maps(
     return [judged.to_mapping() for judged in found], pictures
 
 
+def _body_transform(text: str) -> list[list[float]] | str:
+    """Rows of the matrix that maps the estimate's body frame to the truth's, or the word `auto`."""
+    if text == "auto":
+        return text
+    import numpy as np
+
+    from carlaloc_env.core.transforms import from_rotation, quat_to_matrix, rpy_to_quat
+
+    values = numbers(text)
+    quat = rpy_to_quat(*np.radians(values)) if len(values) == 3 else np.array(values[3:])
+    if len(values) not in (3, 7) or not 0.99 < np.linalg.norm(quat) < 1.01:
+        raise argparse.ArgumentTypeError(f"{text} is not R,P,Y [deg], X,Y,Z,QX,QY,QZ,QW or auto")
+    lever_m = values[:3] if len(values) == 7 else (0.0, 0.0, 0.0)
+    rows: list[list[float]] = from_rotation(quat_to_matrix(quat / np.linalg.norm(quat)), lever_m).tolist()
+    return rows
+
+
 def _nanoseconds(time_s: float) -> int:
     if abs(time_s) > _SECONDS_MAX:
         raise ConfigError(f"{time_s:g} s is more than a century; give less")
@@ -177,7 +208,9 @@ def show(result: dict[str, Any]) -> None:
     """Print a table."""
     for row in result["results"]:
         print(f"{row['estimate']}  against {row['truth']}")
-        print(f"  {row['matched']} of {row['expected']} poses ({row['coverage']:.1%}); {row['alignment']}")
+        rows = f"{row['matched']} of {row['expected']} poses ({row['coverage']:.1%})"
+        scale = f", scale {row['transform']['scale']:.4g}" if row["alignment"].startswith("Sim") else ""
+        print(f"  {rows}, {row['covered_time']['share']:.1%} of the time; {row['alignment']}{scale}")
         if row["time_offset_s"]:
             print(f"  {row['time_offset_s']:+.6f} s added to the estimate's stamps")
         for metric in row["metrics"].values():
@@ -185,6 +218,8 @@ def show(result: dict[str, Any]) -> None:
                 f"  {metric['label']:<58} rmse {metric['rmse']:.4f}  mean {metric['mean']:.4f}  "
                 f"max {metric['max']:.4f} {metric['unit']}"
             )
+        for finding in row["findings"]:
+            print(f"  note: {finding}")
     if any(row["roll_from_attitudes"] for row in result["results"]):
         print("  APE, rotation: on this nearly straight path, after the roll that fits the attitudes best")
     for found in result["maps"]:

@@ -5,14 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from shared_fixtures.readings.bag_samples import cloud_of
+from shared_fixtures.readings.bag_samples import cloud_of, imu
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.samples import PointCloud
+from carlaloc_env.samples import Imu, PointCloud
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig
 from recorder.dataset.layout import SequenceFolder, write_checksums
 from recorder.dataset.manifest import SequenceDescription, write_manifest
@@ -28,11 +29,11 @@ COLUMNS, SWEEP_NS = 240, 100_000_000
 CAR_SHARE = 0.1
 
 
-def rig() -> SensorRig:
+def rig(*, with_imu: bool = False) -> SensorRig:
     lidar = LidarConfig(
         mount=Mount(position_m=(1.0, 0.0, 1.8)), rate_hz=10.0, columns=COLUMNS, elevations_deg=ELEVATIONS_DEG
     )
-    return SensorRig(name="box", sensors=(lidar,))
+    return SensorRig(name="box", sensors=(lidar, ImuConfig()) if with_imu else (lidar,))
 
 
 def pose(t_s: Array) -> tuple[Array, Array]:
@@ -64,6 +65,17 @@ def sweep(stamp_ns: int) -> PointCloud:
     )  # fmt: skip
 
 
+def inertial(sweeps: int, factor: float) -> list[Imu]:
+    """Samples of an IMU at the LiDAR's place and axes, of 200 Hz, whose specific forces have a factor."""
+    t_s = np.arange(0, sweeps * SWEEP_NS, 5_000_000) * 1e-9
+    position, quat = pose(t_s)
+    acceleration = np.gradient(np.gradient(position, t_s, axis=0), t_s, axis=0)
+    acceleration[:, 2] += 9.81
+    force = factor * transforms.quat_rotate(transforms.quat_conjugate(quat), acceleration)
+    rate = 0.25 + 0.1 * np.cos(t_s)
+    return [imu(round(t * 1e9), f, (0, 0, w)) for t, f, w in zip(t_s.tolist(), force, rate, strict=True)]
+
+
 def plain(cloud: PointCloud) -> PointCloud:
     """A cloud without labels."""
     return replace(cloud, sensor="lidar", tag=None, instance=None, cos_incidence=None)
@@ -75,12 +87,15 @@ def write_dataset(
     sweeps: int = 25,
     conditions: tuple[str, ...] = ("ClearNoon_dynamic",),
     labelled: bool = True,
+    imu_factor: float | None = None,
 ) -> Path:
     """A dataset of some conditions, named weather_traffic, as replay lays it out.
 
+    With a factor of specific forces, it has an IMU.
+
     Without labels the bag has plain clouds, as ``--topics slam`` leaves them, though both were made.
     """
-    folder = root / "Box"
+    folder, sensors = root / "Box", rig(with_imu=imu_factor is not None)
     t_ns = np.arange(0, sweeps * SWEEP_NS + 1, 5_000_000)
     position, quat = pose(t_ns * 1e-9)
     truth = Trajectory(stamp_ns=t_ns + DEFAULT_EPOCH_NS, position_m=position, quat_xyzw=quat, name="lidar")
@@ -89,15 +104,18 @@ def write_dataset(
     for condition in conditions:
         path = folder / condition
         path.mkdir()
-        calibration = RigCalibration.from_configs(rig().sensors)
+        calibration = RigCalibration.from_configs(sensors.sensors)
         stream = "lidar_semantic" if labelled else "lidar"
         bag = SequenceFolder(path).place("rosbag1")
-        with Rosbag1Writer(bag, Ros1Encoder(calibration, streams={stream})) as writer:
-            for k in range(sweeps):
-                cloud = sweep(k * SWEEP_NS)
-                writer.write(cloud if labelled else plain(cloud))
-        describe(path, rig(), samples={"lidar": sweeps, "lidar_semantic": sweeps}, movers=CAR_SHARE)
-    list_dataset(root, rig(), topics="standard" if labelled else "slam")
+        inertials = [] if imu_factor is None else inertial(sweeps, imu_factor)
+        clouds = (sweep(k * SWEEP_NS) for k in range(sweeps))
+        clouds = (cloud if labelled else plain(cloud) for cloud in clouds)
+        with Rosbag1Writer(bag, Ros1Encoder(calibration, streams={stream, "imu"})) as writer:
+            for sample in sorted([*clouds, *inertials], key=lambda one: one.stamp_ns):
+                writer.write(sample)
+        samples = {"lidar": sweeps, "lidar_semantic": sweeps, "imu": len(inertials)}
+        describe(path, sensors, samples={k: n for k, n in samples.items() if n}, movers=CAR_SHARE)
+    list_dataset(root, sensors, topics="standard" if labelled else "slam")
     return root
 
 
