@@ -2,6 +2,7 @@
 
 import os
 import platform
+import re
 import shutil
 import sys
 import time
@@ -115,23 +116,19 @@ def _graphics() -> tuple[bool, str]:
         return True, f"{renderer.driver}; {best_s * 1e3:.0f} ms per 1280×720 picture of an empty scene"
 
 
-_VENDORS = {"0x10de": "NVIDIA", "0x1002": "AMD", "0x8086": "Intel"}
+_MAKERS = {"0x10de": "NVIDIA", "0x1002": "AMD", "0x8086": "Intel"}
 """Makers of GPUs by their PCI numbers."""
 
 
 def _gpus(root: Path) -> list[str]:
     """Names of the GPUs that the system shows, or those of their makers."""
-    abouts = sorted(root.glob("proc/driver/nvidia/gpus/*/information"))
-    found = [line.partition(":")[2].strip() for about in abouts for line in _lines(about, "Model:")]
+    abouts = [path.read_text() for path in sorted(root.glob("proc/driver/nvidia/gpus/*/information"))]
+    found = [name for about in abouts for name in re.findall(r"^Model:\s*(.+)$", about, re.MULTILINE)]
     if not found:
         found = ["NVIDIA"] * len(list(root.glob("dev/nvidia[0-9]*")))
-    cards = sorted(root.glob("sys/class/drm/renderD*/device/vendor"))
-    makers = [_VENDORS.get(line, "") for card in cards for line in _lines(card)]
-    return found + [maker for maker in makers if maker and not (found and maker == "NVIDIA")]
-
-
-def _lines(path: Path, begin: str = "") -> list[str]:
-    return [line for line in path.read_text(encoding="utf-8").splitlines() if line.startswith(begin)]
+    makers = [path.read_text().strip() for path in sorted(root.glob("sys/class/drm/renderD*/device/vendor"))]
+    known = [_MAKERS[maker] for maker in makers if maker in _MAKERS]
+    return found + [maker for maker in known if maker != "NVIDIA" or not found]
 
 
 def _gpu(found: Sequence[str], *, is_used: bool) -> Finding:
@@ -139,10 +136,7 @@ def _gpu(found: Sequence[str], *, is_used: bool) -> Finding:
     if not found:
         return _finding("GPU", True, "none found; pictures are drawn without")
     detail = f"{', '.join(found)}: {'draws the pictures' if is_used else 'there, but not used by OpenGL'}"
-    remedy = (
-        "install its driver with OpenGL (EGL), and join the group 'render'; in Docker give --gpus all -e "
-        "NVIDIA_DRIVER_CAPABILITIES=all or --device /dev/dri; GLCONTEXT_DEVICE_INDEX=1 takes a second one"
-    )
+    remedy = "give OpenGL the GPU: docs/install.md#a-gpu-for-opengl"
     return _finding("GPU", is_used, detail, remedy)
 
 

@@ -71,9 +71,10 @@ def _has_folder(beside: Path) -> bool:
     By itself it would then look for a home folder, and fail or make one called ``~`` where there is none.
     """
     writable = os.access(beside if beside.is_dir() else beside.parent, os.W_OK)
-    if not numba.config.CACHE_DIR and not writable:
-        numba.config.CACHE_DIR = str(machine_code_folder() or "")
-    return bool(numba.config.CACHE_DIR) or writable
+    settings: Any = numba.config
+    if not settings.CACHE_DIR and not writable:
+        settings.CACHE_DIR = str(machine_code_folder() or "")
+    return bool(settings.CACHE_DIR) or writable
 
 
 def _index_or_nothing(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
@@ -112,10 +113,8 @@ def usable_cores(root: Path = Path("/")) -> tuple[int, ...]:
     Args:
         root: Folder of the system's files.
     """
-    if hasattr(os, "sched_getaffinity"):
-        found = tuple(sorted(os.sched_getaffinity(0)))
-    else:
-        found = tuple(range(os.cpu_count() or 1))
+    affinity = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
+    found = tuple(sorted(affinity(0)))
     return found[: max(math.ceil(min(_granted(root), len(found))), 1)]
 
 

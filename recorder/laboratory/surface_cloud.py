@@ -3,10 +3,10 @@
 Files of maps: meshes and labelled clouds that are written, clouds of any origin that are read.
 """
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -155,11 +155,8 @@ def write_mesh(mesh: Mesh, path: Path) -> Path:
     """
     colours = colourise(mesh.tag)
     if path.suffix.lower() == ".ply":
-        columns = [
-            *_columns("xyz", "<f8", mesh.vertices_m),
-            *_columns(("nx", "ny", "nz"), "<f8", mesh.normals),
-            *_columns(("red", "green", "blue"), "|u1", colours),
-        ]
+        columns = _columns("x y z nx ny nz", "<f8", np.hstack([mesh.vertices_m, mesh.normals]))
+        columns += _columns("red green blue", "|u1", colours)
         with atomic_write(path) as part:
             part.write_bytes(ply_bytes(columns, mesh.triangles))
         return path
@@ -174,18 +171,20 @@ def write_mesh(mesh: Mesh, path: Path) -> Path:
     )
     found.vertex_normals = vector(normals)
     found.vertex_colors = vector(colours / 255.0)
-    with _named_part(path) as part:
-        o3d.io.write_triangle_mesh(str(part), found)
-        # Open3D cuts files and reports success.
+    # Open3D looks at the end of names alone, cuts files on a full disk, and reports success.
+    with atomic_write(path) as part, TemporaryDirectory(dir=part.parent, prefix=".") as folder:
+        named = Path(folder, "mesh.gltf")
+        o3d.io.write_triangle_mesh(str(named), found)
         with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-            count = len(o3d.io.read_triangle_mesh(str(part)).triangles)
+            count = len(o3d.io.read_triangle_mesh(str(named)).triangles)
         if count != len(mesh.triangles):
             raise OSError(f"{count:,} of {len(mesh.triangles):,} triangles were written")
+        named.replace(part)
     return path
 
 
-def _columns(names: Iterable[str], kind: str, values: NDArray[Any]) -> list[tuple[str, str, NDArray[Any]]]:
-    return [(name, kind, column) for name, column in zip(names, values.T, strict=True)]
+def _columns(names: str, kind: str, values: NDArray[Any]) -> list[tuple[str, str, NDArray[Any]]]:
+    return [(name, kind, column) for name, column in zip(names.split(), values.T, strict=True)]
 
 
 def write_cloud(cloud: SurfaceCloud, path: Path) -> Path:
@@ -194,11 +193,8 @@ def write_cloud(cloud: SurfaceCloud, path: Path) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
-    columns = [
-        *_columns("xyz", "<f4", cloud.points_xyz_m),
-        *_columns(("nx", "ny", "nz"), "<f4", cloud.normals),
-        ("label", "|u1", cloud.tag),
-    ]
+    columns = _columns("x y z nx ny nz", "<f4", np.hstack([cloud.points_xyz_m, cloud.normals]))
+    columns.append(("label", "|u1", cloud.tag))
     with atomic_write(path) as part:
         part.write_bytes(ply_bytes(columns))
     return path
@@ -227,15 +223,3 @@ def read_map(path: Path) -> Array:
     if not len(points):
         raise EvaluationError(f"{path} has no points; give the cloud of a map")
     return points
-
-
-@contextmanager
-def _named_part(path: Path) -> Iterator[Path]:
-    """A temporary file that ends as its kind does, since Open3D looks at the end of names alone."""
-    with atomic_write(path) as part:
-        named = part.with_name(part.name + path.suffix.lower())
-        try:
-            yield named
-            named.replace(part)
-        finally:
-            named.unlink(missing_ok=True)

@@ -86,15 +86,10 @@ def test_two_runs_at_once_are_refused(straight_drive: StraightDrive, tmp_path: P
 
 
 _HOLDER = """
-import fcntl, sys, time
-from pathlib import Path
-
-fcntl.flock = lambda *_: None
+import fcntl, pathlib, sys, time; fcntl.flock = lambda *_: None
 from recorder.replaying.working_folder import WorkingFolder
-
-with WorkingFolder(Path(sys.argv[1]), "straight", {}, {"seed": "1"}):
-    print("held", flush=True)
-    time.sleep(600)
+with WorkingFolder(pathlib.Path(sys.argv[1]), "straight", {}, {"seed": "1"}):
+    print("held", flush=True); time.sleep(600)
 """
 """A run on a disk whose locks exclude nobody."""
 
@@ -112,10 +107,8 @@ def test_where_locks_exclude_nobody_runs_are_told_apart_by_host_and_process(
         assert process.stdout is not None
         assert process.stdout.readline() == "held\n"
         holder = f"process {process.pid} on host {platform.node()}"
-        with (
-            pytest.raises(WriterError, match=rf"another run is at work in .*: {holder}; wait until it"),
-            work,
-        ):
+        refused = rf"another run is at work in .*: {holder}; wait until it"
+        with pytest.raises(WriterError, match=refused), work:
             pass
         assert (work.path / OWNER).is_symlink()
         process.kill()

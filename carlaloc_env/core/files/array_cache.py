@@ -97,9 +97,8 @@ def default_cache_dir() -> Path:
 
 def _unusable(folder: Path) -> str | None:
     """Why nothing can be kept in a folder, which need not exist; None: it can."""
-    above = next(
-        found for found in (folder.absolute(), *folder.absolute().parents) if os.access(found, os.F_OK)
-    )
+    places = (folder.absolute(), *folder.absolute().parents)
+    above = next(place for place in places if os.access(place, os.F_OK))
     if not (above.is_dir() and os.access(above, os.W_OK | os.X_OK)):
         return f"{folder} cannot be written"
     fault = _distrust(folder)

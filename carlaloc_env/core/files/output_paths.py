@@ -216,13 +216,12 @@ def claim(path: Path, file: IO[Any]) -> str | None:
     while True:
         try:
             path.symlink_to(" ".join(mine))
+            return None
         except FileExistsError:
-            pass
+            found = claimed_by(path)
         except OSError:
             return None
-        else:
-            return None
-        if (found := claimed_by(path)) is not None:
+        if found is not None:
             host, boot, pid = found
             if mine[0] != host and mine[1] != boot:
                 return f"process {pid} on host {host} (if it has ended there, delete {path})"
@@ -254,14 +253,12 @@ def _excludes(file: IO[Any]) -> bool:
 
 def _lives(pid: int) -> bool:
     """Whether this machine has a process of this number."""
-    try:
-        # On Windows a signal of 0 would be a Ctrl-C.
-        if os.name == "posix":
+    # On Windows a signal of 0 would be a Ctrl-C.
+    if os.name == "posix":
+        try:
             os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        pass
+        except OSError as error:
+            return isinstance(error, PermissionError)
     return True
 
 
