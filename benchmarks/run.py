@@ -15,12 +15,13 @@ from bench import Bench, Row
 from rows.table import ROWS
 
 from carlaloc_env.core.errors import CarlaLocError, unknown_name
+from carlaloc_env.core.jit import usable_cores
 
 
 def main(names: list[str], repeat: int, *, quick: bool, out: Path | None) -> list[Row]:
     """Measure the named rows, print the table, and write it as JSON if asked to."""
     bench = Bench(repeat=repeat, quick=quick)
-    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, ", end="")
+    print(f"{platform.processor() or platform.machine()}, {len(usable_cores())} cores, ", end="")
     print(f"load {os.getloadavg()[0]:.1f}, {repeat} repetitions\n", flush=True)
     print(_line("", "ours: median", "least", "CPU", "PyBullet", "figure", "target", ""))
     found = []
@@ -30,7 +31,7 @@ def main(names: list[str], repeat: int, *, quick: bool, out: Path | None) -> lis
         print(_line(*_cells(row)), flush=True)
         print(f"    {row.note}" if row.note else "", flush=True)
     if out is not None:
-        machine = {"platform": platform.platform(), "cores": os.cpu_count(), "load": os.getloadavg()[0]}
+        machine = {"platform": platform.platform(), "cores": len(usable_cores()), "load": os.getloadavg()[0]}
         rows = [row.to_json() for row in found]
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(json.dumps({"machine": machine, "repeat": repeat, "rows": rows}, indent=2) + "\n")

@@ -5,7 +5,6 @@ line is the speed of cores that share nothing.
 """
 
 import argparse
-import os
 import resource
 import tempfile
 import time
@@ -15,6 +14,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 from scenario import SEED
 
+from carlaloc_env.core.jit import usable_cores
 from recorder.drive.record import RecordConfig, record
 from recorder.replaying.replay import ReplayConfig, replay
 
@@ -35,7 +35,7 @@ def main(town: str, length_s: float, unit_s: float, out: Path) -> None:
         for workers in WORKERS:
             times[workers] = _timed(drive, folder / str(workers), workers, length_s, unit_s)
             print(f"{workers:>8}{times[workers][0]:>12.1f} s{times[workers][1]:>16.1f} s", flush=True)
-    draw(times, f"{town}, {length_s:g} s in units of {unit_s:g} s, {os.cpu_count()} cores", out)
+    draw(times, f"{town}, {length_s:g} s in units of {unit_s:g} s, {len(usable_cores())} cores", out)
 
 
 def _timed(drive: Path, out: Path, workers: int, length_s: float, unit_s: float) -> tuple[float, float]:
@@ -70,7 +70,7 @@ def draw(times: dict[int, tuple[float, float]], what: str, out: Path) -> None:
     alone_s = times[counts[0]][0]
     axes.plot(counts, counts, ":", color="0.5", label="cores that share nothing")
     axes.plot(counts, [alone_s / times[n][0] for n in counts], "o-", label="measured")
-    axes.axvline(os.cpu_count() or 1, color="0.85", zorder=0)
+    axes.axvline(len(usable_cores()), color="0.85", zorder=0)
     axes.set(xlabel="workers", ylabel="speed, 1 worker = 1", xticks=counts, ylim=(0, max(counts) + 0.2))
     axes.set_title(what, fontsize=10)
     axes.legend(frameon=False)

@@ -2,10 +2,11 @@
 
 import os
 import platform
+import re
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +18,7 @@ from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.core.files.array_cache import cache_bound_bytes, cache_files, default_cache_dir
+from carlaloc_env.core.jit import usable_cores
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.weather.parameters import weather_by_name
@@ -65,6 +67,7 @@ def examine(out: Path | None = None) -> DoctorReport:
     findings = (
         _finding("Python", True, _python(), needed=True),
         graphics,
+        _gpu(_gpus(Path("/")), is_used=graphics.works and not draws_on_cores),
         _guarded("ray casting", _rays, needed=True, remedy="apt-get install libgomp1 libusb-1.0-0 libidn2-0"),
         _guarded("physics", _physics, needed=True, remedy="pip install --force-reinstall pybullet"),
         _guarded("joystick", _joystick, needed=False, remedy="none is needed: the scripted driver drives"),
@@ -92,7 +95,9 @@ def _finding(name: str, works: bool, detail: str, remedy: str = "", *, needed: b
 
 
 def _python() -> str:
-    return f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+    usable, found = len(usable_cores()), os.cpu_count() or 1
+    cores = f"{found} cores" if usable == found else f"{usable} of {found} cores may be used"
+    return f"{platform.python_version()} on {platform.system()} {platform.machine()}, {cores}"
 
 
 def _graphics() -> tuple[bool, str]:
@@ -111,6 +116,30 @@ def _graphics() -> tuple[bool, str]:
             picture.depth_m()
             best_s = min(best_s, time.perf_counter() - begin)
         return True, f"{renderer.driver}; {best_s * 1e3:.0f} ms per 1280×720 picture of an empty scene"
+
+
+_MAKERS = {"0x10de": "NVIDIA", "0x1002": "AMD", "0x8086": "Intel"}
+"""Makers of GPUs by their PCI numbers."""
+
+
+def _gpus(root: Path) -> list[str]:
+    """Names of the GPUs that the system shows, or those of their makers."""
+    abouts = [path.read_text() for path in sorted(root.glob("proc/driver/nvidia/gpus/*/information"))]
+    found = [name for about in abouts for name in re.findall(r"^Model:\s*(.+)$", about, re.MULTILINE)]
+    if not found:
+        found = ["NVIDIA"] * len(list(root.glob("dev/nvidia[0-9]*")))
+    makers = [path.read_text().strip() for path in sorted(root.glob("sys/class/drm/renderD*/device/vendor"))]
+    known = [_MAKERS[maker] for maker in makers if maker in _MAKERS]
+    return found + [maker for maker in known if maker != "NVIDIA" or not found]
+
+
+def _gpu(found: Sequence[str], *, is_used: bool) -> Finding:
+    """Whether pictures are drawn by the GPU that is there, if there is one."""
+    if not found:
+        return _finding("GPU", True, "none found; pictures are drawn without")
+    detail = f"{', '.join(found)}: {'draws the pictures' if is_used else 'there, but not used by OpenGL'}"
+    remedy = "give OpenGL the GPU: docs/install.md#a-gpu-for-opengl"
+    return _finding("GPU", is_used, detail, remedy)
 
 
 def _rays() -> tuple[bool, str]:

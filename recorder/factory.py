@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
-from carlaloc_env.core.files.output_paths import atomic_write, check_output_folder, take_lock
+from carlaloc_env.core.files.output_paths import atomic_write, check_output_folder, claim, remove
 from carlaloc_env.town.sources import ALIASES, known_towns
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, SEQUENCE, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
@@ -29,6 +29,7 @@ from recorder.episode.episode import Episode
 from recorder.replaying.conditions import conditions_of
 from recorder.replaying.plan import ReplayConfig, ReplayCost, ReplayOptions, replay_cost, rig_of
 from recorder.replaying.replay import replay
+from recorder.replaying.working_folder import OWNER, busy
 
 SAMPLE_FROM_S = 8.0
 """Where a sample begins [s]: the car has left the kerb then."""
@@ -323,10 +324,8 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
     """
     (out / WORK).mkdir(parents=True, exist_ok=True)
     with (out / WORK / "recipe.json").open("a+", encoding="utf-8") as file:
-        if not take_lock(file):
-            raise WriterError(
-                f"another run is at work in {out}; wait until it has ended, or choose another --out"
-            )
+        if (other := claim(out / WORK / OWNER, file)) is not None:
+            raise WriterError(busy(out, other))
         file.seek(0)
         text = file.read()
         found: Any = json.loads(text) if text else {}
@@ -340,7 +339,10 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
         if not text:
             file.write(json.dumps(recipe))
             file.flush()
-        yield
+        try:
+            yield
+        finally:
+            remove(out / WORK / OWNER)
 
 
 def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None:

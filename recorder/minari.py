@@ -7,7 +7,10 @@ A recorded drive, step by step, as views of agents and the referee see a living 
 
 from __future__ import annotations
 
+import errno
+import os
 import re
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from copy import deepcopy
@@ -238,6 +241,7 @@ def write_minari(
                     storage = MinariStorage.new((part / "data").resolve(), *kinds, jpeg_encoding=False)
                 count = 0
                 for chunk in converted.chunks(number):
+                    _check_space(part, _bytes_of(chunk.observations))
                     storage.update_episodes([chunk])
                     count += len(chunk)
                     if progress is not None:
@@ -336,6 +340,24 @@ def _stacked(seen: Sequence[Any]) -> Any:
     if isinstance(seen[0], dict):
         return {key: _stacked([observation[key] for observation in seen]) for key in seen[0]}
     return np.array(seen)
+
+
+_SPARE_BYTES = 32 << 20
+"""Room for HDF5's tables and begun chunks."""
+
+
+def _check_space(folder: Path, size_bytes: int) -> None:
+    """Make sure that a disk takes a chunk: HDF5 crashes when one is full while it closes a file.
+
+    Raises:
+        OSError: there is too little room.
+    """
+    if shutil.disk_usage(folder).free < 2 * size_bytes + _SPARE_BYTES:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _bytes_of(values: Any) -> int:
+    return sum(map(_bytes_of, values.values())) if isinstance(values, dict) else int(values.nbytes)
 
 
 def _check(config: MinariConfig) -> None:

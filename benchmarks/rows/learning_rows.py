@@ -1,7 +1,6 @@
 """Learning agents: steps per second of the environments."""
 
 import math
-import os
 import re
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from timing import time_calls
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.jit import usable_cores
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
@@ -101,7 +101,7 @@ def learn_vector(bench: Bench) -> Row:
                     envs.step(actions)
                 found.append(number * count / (time.perf_counter() - began))
     one, two = (float(np.median(found)) for found in rates.values())
-    note = f"{one:.0f} and {two:.0f} steps/s; {os.cpu_count() or 1} cores"
+    note = f"{one:.0f} and {two:.0f} steps/s; {len(usable_cores())} cores"
     return Row(name="learn_vector", what=what, value=two / one, unit="× of one", target=1.7, note=note)
 
 

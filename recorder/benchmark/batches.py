@@ -14,8 +14,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
+from carlaloc_env.core.jit import usable_cores
 from recorder.benchmark.plan import Job
-from recorder.benchmark.results import BenchmarkConfig, Score, cores, keep, keep_shared, run_job
+from recorder.benchmark.results import BenchmarkConfig, Score, keep, keep_shared, run_job
 from recorder.dataset.layout import DatasetFolder
 from recorder.dataset.sequence import SEGMENTED
 from recorder.replaying.replay import replay
@@ -124,7 +125,7 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
         KeyboardInterrupt: it was asked to end.
     """
     batch, config = work.batch, work.config
-    feed_cores, lanes = share_cores(cores(), config.workers)
+    feed_cores, lanes = share_cores(usable_cores(), config.workers)
     numbers = [range(lane, len(batch.jobs), config.workers) for lane in range(config.workers)]
     keys, stop, fault = batch.keys, threading.Event(), None
 
@@ -202,7 +203,7 @@ def run_on_files(
                     yield job, keep(job, RunRecord.of_error(fault), config, "")
                     continue
                 sequence = DatasetFolder(folder / "data").drive(path.parent.name).sequence(path.name)
-                record = run_job(job, config, cores(), sequence=sequence.path)
+                record = run_job(job, config, usable_cores(), sequence=sequence.path)
                 yield job, keep(job, record, config, fingerprints[job.folder])
         finally:
             shutil.rmtree(folder, ignore_errors=True)

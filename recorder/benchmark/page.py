@@ -17,6 +17,7 @@ from jinja2 import Environment
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.benchmark.cells import traffic_label
 from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
 from recorder.benchmark.plan import BenchmarkSequence, Job
@@ -65,10 +66,8 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
         sections=sections,
     )
     path = result.out / PAGE
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise EvaluationError(f"cannot write {path}: {error.strerror}") from error
+    with atomic_write(path, EvaluationError) as part:
+        part.write_text(text, encoding="utf-8")
     return path
 
 

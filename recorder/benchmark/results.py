@@ -16,6 +16,7 @@ from typing import Any
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, unknown_name
 from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.jit import usable_cores
 from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence
@@ -58,9 +59,9 @@ class BenchmarkConfig:
     """Which kept results are made again: ``failed`` or ``all`` of them; None: none."""
 
     def __post_init__(self) -> None:
-        found = len(cores())
+        found = len(usable_cores())
         if not 1 <= self.workers <= found:
-            raise ConfigError(f"{self.workers} workers; this machine has {found} cores, one run needs one")
+            raise ConfigError(f"{self.workers} workers; {found} cores may be used, one run needs one")
         for cloud in self.clouds:
             if cloud not in (RAW, SEGMENTED):
                 raise ConfigError(f"no clouds '{cloud}'; choose from {RAW}, {SEGMENTED}")
@@ -68,13 +69,6 @@ class BenchmarkConfig:
             raise ConfigError(unknown_name("results", str(self.again), AGAIN))
         if self.cluster is not None and isinstance(self.data, Path):
             raise ConfigError("a cluster runs systems over drives; give drives (.mcap), or no cluster")
-
-
-def cores() -> tuple[int, ...]:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return tuple(sorted(os.sched_getaffinity(0)))
-    return tuple(range(os.cpu_count() or 1))
 
 
 ERRORS = "errors.npz"

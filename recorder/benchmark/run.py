@@ -10,13 +10,13 @@ from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError
 from carlaloc_env.core.files.config_files import last_line
+from carlaloc_env.core.jit import usable_cores
 from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
 from recorder.benchmark.results import (
     ERRORS,
     BenchmarkConfig,
     Score,
-    cores,
     fingerprint_of,
     keep,
     read_result,
@@ -183,7 +183,7 @@ class _Run:
 
     def _beside(self, jobs: Sequence[Job]) -> None:
         """Run jobs over folders, some at a time, each on its own cores."""
-        workers, found = self._config.workers, cores()
+        workers, found = self._config.workers, usable_cores()
         share = len(found) // workers
         free = [found[k * share : (k + 1) * share] for k in range(workers)]
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.benchmark.cells import CONDITION, NO_SYSTEM, answers_table, best, cells, ratios, traffic_label
 from recorder.benchmark.results import Score
 from recorder.dataset.sequence import RAW
@@ -52,14 +53,13 @@ def write_tables(runs: pd.DataFrame, tables: Tables, out: Path) -> list[Path]:
     """
     texts = {"results.csv": csv_text(runs), "tables.md": markdown(tables), "tables.tex": latex(tables)}
     written = [out / name for name in texts]
-    try:
-        for path, text in zip(written, texts.values(), strict=True):
-            path.write_text(text, encoding="utf-8")
-        if find_spec("pyarrow") is not None:
-            written.append(out / "results.parquet")
-            runs.to_parquet(written[-1], index=False)
-    except OSError as error:
-        raise EvaluationError(f"cannot write into {out}: {error.strerror}; choose another folder") from error
+    for path, text in zip(written, texts.values(), strict=True):
+        with atomic_write(path, EvaluationError) as part:
+            part.write_text(text, encoding="utf-8")
+    if find_spec("pyarrow") is not None:
+        written.append(out / "results.parquet")
+        with atomic_write(written[-1], EvaluationError) as part:
+            runs.to_parquet(part, index=False)
     return written
 
 

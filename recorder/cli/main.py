@@ -5,17 +5,17 @@ import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn, cast
+from typing import NoReturn, TextIO, cast
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import CarlaLocError, UsageError
 from recorder.cli.arguments import check_outputs, shared_options
-from recorder.cli.terminal import ended_as_by_ctrl_c, to_json
+from recorder.cli.terminal import ended_as_by_ctrl_c, make_streams_safe, to_json
 
 COMMANDS = (
     "demo", "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "odometry", "evaluate",
@@ -38,16 +38,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         0 when done, 1 after a named error (one line on stderr), 2 after a usage error, 141 when the reader
         of the output has gone, as in ``carlaloc list weathers | head -1``.
     """
+    make_streams_safe()
     try:
         code = _main(argv)
         sys.stdout.flush()
     except BrokenPipeError:
-        # Python flushes both streams once more at exit, and would report the same error there.
-        for stream in (sys.stdout, sys.stderr):
-            with Path(os.devnull).open("w") as nowhere:
-                os.dup2(nowhere.fileno(), stream.fileno())
+        _drop(sys.stdout, sys.stderr)
         return EXIT_PIPE
+    except OSError as error:
+        # The rest of the output is lost, and stderr may be as full.
+        _drop(sys.stdout)
+        with suppress(OSError):
+            print(f"carlaloc: cannot write to stdout: {error.strerror or error}", file=sys.stderr)
+        return EXIT_ERROR
     return code
+
+
+def _drop(*streams: TextIO) -> None:
+    """Drop the output of streams: Python flushes them at exit, and would report the same error once more."""
+    for stream in streams:
+        with Path(os.devnull).open("w") as nowhere:
+            os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _main(argv: Sequence[str] | None) -> int:
@@ -155,7 +166,8 @@ def make_parser() -> argparse.ArgumentParser:
     shared = shared_options()
     for name in COMMANDS:
         module = _module(name)
-        summary = (module.__doc__ or "").strip().splitlines()[0]
+        # Without docstrings (python -OO) the name has to do.
+        summary = (module.__doc__ or name).strip().splitlines()[0]
         sub = commands.add_parser(
             name, parents=[shared], help=summary, description=module.__doc__,
             formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -7,22 +7,44 @@ The end of a command on request: Ctrl-C, SIGTERM and a closed terminal are one a
 A log file beside what a command shows.
 
 Results as JSON that every parser takes: no NaN, no objects of our own.
+
+Streams that are closed, or take no letters but those of a small alphabet.
 """
 
 import json
 import logging
 import math
+import os
 import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
+from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn, TextIO
 
 import numpy as np
+
+
+def make_streams_safe() -> None:
+    """Give closed streams a place, and let "?" stand for characters that a stream does not take.
+
+    The next file that is opened would else get the number of a closed stream, and all that is printed. Output
+    of a closed stdout fails, so that its loss is reported; that of a closed stderr is dropped.
+    """
+    for number, mode in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, mode)
+    sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
+    sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="replace")
 
 
 class InterruptHandler:

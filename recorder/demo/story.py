@@ -3,7 +3,6 @@
 The demo's page: what it has made so far, for a phone and a wide screen.
 """
 
-import os
 from dataclasses import dataclass, replace
 from html import escape
 from importlib.util import find_spec
@@ -13,6 +12,7 @@ import cv2
 
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.jit import usable_cores
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.parameters import weather_by_name
@@ -132,7 +132,7 @@ def run_systems(config: DemoConfig, progress: RunProgress) -> BenchmarkResult:
         CarlaLocError: a run gave no estimate.
     """
     methods = tuple(name for name in METHODS if SYSTEMS[name].is_installed)
-    workers = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+    workers = min(2, len(usable_cores()))
     found = run_benchmark(
         BenchmarkConfig(
             data=config.out / "data",

@@ -7,6 +7,7 @@ import math
 import os
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -14,9 +15,9 @@ from typing import Any
 
 import yaml
 
-from carlaloc_env.core.errors import ConfigError, DeviceError
+from carlaloc_env.core.errors import ConfigError, DeviceError, OutputError
 from carlaloc_env.core.files.config_files import from_mapping, read_text, to_mapping
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.output_paths import atomic_write, user_folder
 from recorder.devices.base import Command
 
 
@@ -136,9 +137,12 @@ class DeviceProfile:
 
 
 def profile_folder() -> Path:
-    """Folder of the profiles that calibration writes."""
-    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return Path(base) / "carlaloc" / "devices"
+    """Folder of the profiles that calibration writes.
+
+    Raises:
+        OutputError: there is no home folder.
+    """
+    return user_folder("XDG_CONFIG_HOME", "~/.config") / "carlaloc" / "devices"
 
 
 def read_profile(text: str, where: str) -> DeviceProfile:
@@ -175,9 +179,10 @@ def known_profiles(folder: Path | None = None) -> list[DeviceProfile]:
     Raises:
         ConfigError: a file is not a profile.
     """
-    folder = folder or profile_folder()
+    with suppress(OutputError):
+        folder = folder or profile_folder()
     found = []
-    for path in sorted(folder.glob("*.yaml")) if folder.is_dir() else []:
+    for path in sorted(folder.glob("*.yaml")) if folder and os.access(folder, os.R_OK) else []:
         found.append(read_profile(read_text(path, "device profile"), str(path)))
     shipped = files("recorder.devices") / "profiles"
     for entry in sorted(shipped.iterdir(), key=lambda item: item.name):

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.files.output_paths import atomic_write
 from recorder.evaluation.align import (
     Alignment,
     Similarity,
@@ -364,7 +365,8 @@ class PathErrors:
 
     def save(self, path: Path) -> None:
         """Write them to a new file (.npz)."""
-        np.savez_compressed(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+        with atomic_write(path, EvaluationError) as part, part.open("wb") as file:
+            np.savez_compressed(file, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     @staticmethod
     def load(path: Path) -> PathErrors:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, MissingDependencyError
-from carlaloc_env.core.files.output_paths import path_below
+from carlaloc_env.core.files.output_paths import atomic_write, path_below
 from carlaloc_env.faults.faults import KINDS
 from carlaloc_env.faults.fields import quantities
 from recorder.benchmark.results import BenchmarkConfig, Score
@@ -288,7 +288,8 @@ def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -
     ]  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
     written = [out / "tries.csv"]
-    pd.DataFrame(rows).to_csv(written[0], index=False)
+    with atomic_write(written[0]) as part:
+        pd.DataFrame(rows).to_csv(part, index=False)
     for name, tried in (("broken", result.broken), ("passes", result.passes)):
         if tried is None:
             continue
@@ -298,7 +299,8 @@ def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -
             start_s=tried.start_s, duration_s=config.stretch_s, seed=config.sweep.drives.options.seed,
         )  # fmt: skip
         written.append(out / f"{name}.yaml")
-        written[-1].write_text(condition.to_yaml(), encoding="utf-8")
+        with atomic_write(written[-1]) as part:
+            part.write_text(condition.to_yaml(), encoding="utf-8")
     folder = out / "counter_example"
     if result.broken is not None and not folder.exists():
         tried, drives = result.broken, config.sweep.drives

@@ -4,21 +4,23 @@ Files of maps: meshes and labelled clouds that are written, clouds of any origin
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import F32, U8, Array, Index, Mask
 from carlaloc_env.core.clock import stream
-from carlaloc_env.core.errors import ConfigError, EvaluationError, OutputError
+from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.raycast.surface import import_open3d
 from carlaloc_env.scene.materials import colourise
 from carlaloc_env.scene.mesh import Mesh
+from recorder.writers.formats.raw import ply_bytes
 
 _BLOCK = 1 << 20
 """Points that are drawn at a time; each block has numbers of its own."""
@@ -151,19 +153,38 @@ def write_mesh(mesh: Mesh, path: Path) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
+    colours = colourise(mesh.tag)
+    if path.suffix.lower() == ".ply":
+        columns = _columns("x y z nx ny nz", "<f8", np.hstack([mesh.vertices_m, mesh.normals]))
+        columns += _columns("red green blue", "|u1", colours)
+        with atomic_write(path) as part:
+            part.write_bytes(ply_bytes(columns, mesh.triangles))
+        return path
     o3d = import_open3d()
     vector = o3d.utility.Vector3dVector
-    corners, normals = (values.astype(np.float64) for values in (mesh.vertices_m, mesh.normals))
-    if path.suffix.lower() != ".ply":
-        corners, normals = (values[:, [0, 2, 1]] * [1.0, 1.0, -1.0] for values in (corners, normals))
+    corners, normals = (
+        values.astype(np.float64)[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+        for values in (mesh.vertices_m, mesh.normals)
+    )
     found = o3d.geometry.TriangleMesh(
         vector(corners), o3d.utility.Vector3iVector(mesh.triangles.astype(np.int32))
     )
     found.vertex_normals = vector(normals)
-    found.vertex_colors = vector(colourise(mesh.tag) / 255.0)
-    with _named_part(path) as part:
-        _check_written(o3d.io.write_triangle_mesh(str(part), found), path)
+    found.vertex_colors = vector(colours / 255.0)
+    # Open3D looks at the end of names alone, cuts files on a full disk, and reports success.
+    with atomic_write(path) as part, TemporaryDirectory(dir=part.parent, prefix=".") as folder:
+        named = Path(folder, "mesh.gltf")
+        o3d.io.write_triangle_mesh(str(named), found)
+        with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+            count = len(o3d.io.read_triangle_mesh(str(named)).triangles)
+        if count != len(mesh.triangles):
+            raise OSError(f"{count:,} of {len(mesh.triangles):,} triangles were written")
+        named.replace(part)
     return path
+
+
+def _columns(names: str, kind: str, values: NDArray[Any]) -> list[tuple[str, str, NDArray[Any]]]:
+    return [(name, kind, column) for name, column in zip(names.split(), values.T, strict=True)]
 
 
 def write_cloud(cloud: SurfaceCloud, path: Path) -> Path:
@@ -172,12 +193,10 @@ def write_cloud(cloud: SurfaceCloud, path: Path) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
-    o3d = import_open3d()
-    found = o3d.t.geometry.PointCloud(np.ascontiguousarray(cloud.points_xyz_m))
-    found.point.normals = np.ascontiguousarray(cloud.normals)
-    found.point.label = np.ascontiguousarray(cloud.tag[:, None])
-    with _named_part(path) as part:
-        _check_written(o3d.t.io.write_point_cloud(str(part), found), path)
+    columns = _columns("x y z nx ny nz", "<f4", np.hstack([cloud.points_xyz_m, cloud.normals]))
+    columns.append(("label", "|u1", cloud.tag))
+    with atomic_write(path) as part:
+        part.write_bytes(ply_bytes(columns))
     return path
 
 
@@ -204,20 +223,3 @@ def read_map(path: Path) -> Array:
     if not len(points):
         raise EvaluationError(f"{path} has no points; give the cloud of a map")
     return points
-
-
-@contextmanager
-def _named_part(path: Path) -> Iterator[Path]:
-    """A temporary file that ends as its kind does, since Open3D looks at the end of names alone."""
-    with atomic_write(path) as part:
-        named = part.with_name(part.name + path.suffix.lower())
-        try:
-            yield named
-            named.replace(part)
-        finally:
-            named.unlink(missing_ok=True)
-
-
-def _check_written(done: Any, path: Path) -> None:
-    if not done:
-        raise OutputError(f"cannot write {path}; choose another place")

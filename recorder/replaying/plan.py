@@ -3,7 +3,6 @@
 Size and time of a replay, estimated before it begins.
 """
 
-import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -13,6 +12,7 @@ from typing import Any
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.output_paths import check_output_folder
+from carlaloc_env.core.jit import usable_cores
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.render.views import check_quality
 from carlaloc_env.rigs.presets import rig_by_name
@@ -232,7 +232,7 @@ class ReplayPlan:
     @property
     def processes(self) -> int:
         """How many processes of this machine can share the work."""
-        return min(self.config.workers or os.cpu_count() or 1, len(self.units))
+        return min(self.config.workers or len(usable_cores()), len(self.units))
 
     @property
     def units(self) -> tuple[Unit, ...]:

@@ -5,7 +5,6 @@ The process of a system by which a car drives: ``python -m recorder.slam.live_sy
 
 import inspect
 import json
-import os
 import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
@@ -19,6 +18,7 @@ import numpy as np
 
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
 from carlaloc_env.core.files.config_files import last_line
+from carlaloc_env.core.jit import usable_cores
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.folder_readings import NEXT
 from recorder.dataset.readings import ImuSample
@@ -60,7 +60,7 @@ class LiveSystem(AbstractContextManager["LiveSystem"]):
         self._connection, other = Pipe()
         job = {"method": str(method), "rig": rig.to_yaml(), "connection": other.fileno()}
         (work / "job.json").write_text(json.dumps(job), encoding="utf-8")
-        threads = os.cpu_count() or 1
+        threads = len(usable_cores())
         self._process = start_worker("live_worker", work / "job.json", self._log, threads, other)
         self._is_ready = False
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.files.output_paths import atomic_write
 
 cv2: Any = untyped_cv2
 """OpenCV, whose stubs know arrays of one type only."""
@@ -143,5 +144,6 @@ def write_vocabulary(
     vocabulary = train_vocabulary(
         (image for image in read if image is not None), progress=lambda count: progress(count, len(chosen))
     )
-    out.write_text(vocabulary.to_text(), encoding="ascii")
+    with atomic_write(out) as part:
+        part.write_text(vocabulary.to_text(), encoding="ascii")
     return len(vocabulary.weight)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.files.config_files import last_line
+from carlaloc_env.core.jit import usable_cores
 from recorder.slam.keeper import GRACE_S, descendants, kept
 from recorder.slam.worker import ESTIMATE, FACTS, FRAMES
 
@@ -94,7 +95,7 @@ def run_isolated(
         "feed": None if feed is None else feed.fileno(),
     }
     (out / "job.json").write_text(json.dumps(job) + "\n", encoding="utf-8")
-    threads = len(cores) or os.cpu_count() or 1
+    threads = len(cores or usable_cores())
     began = time.monotonic()
     child = start_worker("worker", out / "job.json", out / LOG, threads, feed)
     if cores and hasattr(os, "sched_setaffinity"):

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.files.output_paths import atomic_write, part_path, remove
+from carlaloc_env.core.files.output_paths import atomic_write, check_room, part_path, remove
 from carlaloc_env.samples import Image, Sample
 
 DEFAULT_EPOCH_NS = 1_672_531_200_000_000_000
@@ -165,6 +165,7 @@ class Writer(ABC):
             return
         try:
             self._finish()
+            check_room(self.target)
             self._part.rename(self.target)
         except _FAILURES as error:
             self.abort()

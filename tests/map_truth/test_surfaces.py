@@ -1,13 +1,16 @@
 """Points on surfaces, visibility, ghosts and scores, against closed forms."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core import transforms
-from carlaloc_env.core.errors import ConfigError, EvaluationError
+from carlaloc_env.core.errors import ConfigError, EvaluationError, OutputError
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
 from carlaloc_env.sensors.base import Mount
@@ -30,6 +33,7 @@ from recorder.laboratory.map_truth import build_map, thinned, transform_of_map
 from recorder.laboratory.surface_cloud import Region, read_map, sample_surface, write_cloud, write_mesh
 from recorder.laboratory.true_map import TrueMap, ever_visible
 
+resource = pytest.importorskip("resource", reason="needs limits of files")
 o3d = pytest.importorskip("open3d", reason="open3d is not installed")
 
 
@@ -38,6 +42,36 @@ def sphere(radius_m: float) -> Mesh:
     return make_mesh(
         np.asarray(ball.vertices), np.asarray(ball.triangles), material=Material.PLAIN, tag=Tag.BUILDING
     )
+
+
+@contextmanager
+def small_files(folder: Path, size_bytes: int) -> Iterator[Path]:
+    """A folder whose files may not grow beyond a size."""
+    folder.mkdir(exist_ok=True)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size_bytes, before[1]))
+    try:
+        yield folder
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("limited", [small_disk, small_files])
+@pytest.mark.parametrize("name", ["cloud.ply", "mesh.ply", "mesh.gltf"])
+def test_a_map_that_open3d_cuts_is_an_error_and_no_file(name: str, limited: Any, tmp_path: Path) -> None:
+    mesh = sphere(5.0)
+    cloud = sample_surface(mesh, points_per_m2=20.0)
+
+    def write(folder: Path) -> Path:
+        return write_cloud(cloud, folder / name) if "cloud" in name else write_mesh(mesh, folder / name)
+
+    size = write(tmp_path).stat().st_size
+    for share in (0.1, 0.6, 0.97):
+        with limited(tmp_path / "limited", round(share * size) // 4096 * 4096) as folder:
+            with pytest.raises(OutputError, match=r"^cannot write .*: .*; choose another place") as failure:
+                write(folder)
+            assert "\n" not in str(failure.value)
+            assert not list(folder.iterdir())
 
 
 def scores(points_m: Any, mesh: Mesh, distances_m: tuple[float, ...], visible: Any = None) -> list[MapScore]:

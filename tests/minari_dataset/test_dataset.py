@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils import seeding
+from shared_fixtures.processes.small_disks import small_disk
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.core.clock import STEP_TICKS
@@ -187,6 +188,15 @@ def test_bad_input_is_one_line_and_leaves_nothing(
         write_minari(MinariConfig(episodes=(drive,), **settings))
     assert "\n" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_one_line_and_leaves_nothing(drive: Path, straight_map: Path, tmp_path: Path) -> None:
+    """HDF5 would end the process by a crash."""
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    with small_disk(tmp_path / "disk", 100 << 10) as disk:
+        with pytest.raises(OutputError, match=r"^cannot write .*one-v0: No space left on device; choose"):
+            write_minari(MinariConfig(episodes=(drive,), out=disk / "one-v0", map=straight_map))
+        assert not list(disk.iterdir())
 
 
 def test_a_data_set_is_not_replaced_and_reversing_needs_five_numbers(

@@ -18,6 +18,7 @@ import os
 import re
 import stat
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -28,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import OutputError
-from carlaloc_env.core.files.output_paths import atomic_write, locked
+from carlaloc_env.core.files.output_paths import atomic_write, locked, user_folder
 from carlaloc_env.core.files.source_digest import source_digest
 
 
@@ -73,12 +74,44 @@ _KEPT = re.compile(r"[^.].*-[0-9a-f]{32}\.[a-z]+")
 
 
 def default_cache_dir() -> Path:
-    """`$CARLALOC_CACHE`, or `carlaloc` in `$XDG_CACHE_HOME` or else in `~/.cache`."""
-    if chosen := os.environ.get("CARLALOC_CACHE"):
-        return Path(chosen)
-    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    # A relative path there is not valid (XDG Base Directory Specification).
-    return (base if base.is_absolute() else Path.home() / ".cache") / "carlaloc"
+    """`$CARLALOC_CACHE`, or `carlaloc` in `$XDG_CACHE_HOME` or `~/.cache`.
+
+    Where that cannot be used, as without a home, it is a folder of this user's among temporary files. A
+    line in the log names it once; processes that this one starts take it over.
+    """
+    folder = Path(os.devnull)
+    try:
+        base = os.environ.get("XDG_CACHE_HOME", "")
+        # A relative path there is not valid (XDG Base Directory Specification).
+        folder = user_folder("CARLALOC_CACHE", f"{base if Path(base).is_absolute() else '~/.cache'}/carlaloc")
+        fault = _unusable(folder)
+    except OutputError as error:
+        fault = str(error)
+    if fault is not None:
+        with suppress(OSError):
+            other = Path(tempfile.gettempdir(), f"carlaloc-{getattr(os, 'getuid', int)()}")
+            other.mkdir(mode=0o700, exist_ok=True)
+            if _unusable(other) is None:
+                _log.warning("cache in %s: %s; $CARLALOC_CACHE names another", other, fault)
+                os.environ["CARLALOC_CACHE"] = str(other)
+                return other
+    return folder
+
+
+def _unusable(folder: Path) -> str | None:
+    """Why nothing can be kept in a folder, which need not exist; None: it can."""
+    places = (folder.absolute(), *folder.absolute().parents)
+    above = next(place for place in places if os.access(place, os.F_OK))
+    if not (above.is_dir() and os.access(above, os.W_OK | os.X_OK)):
+        return f"{folder} cannot be written"
+    fault = _distrust(folder)
+    return None if fault is None else f"{folder} {fault}"
+
+
+def machine_code_folder() -> Path | None:
+    """Folder of our cache for machine code; None: there is none that this user alone can write to."""
+    folder = default_cache_dir() / "numba"
+    return folder if _unusable(folder.parent) is None and _distrust(folder) is None else None
 
 
 def cache_bound_bytes() -> float:
@@ -158,7 +191,7 @@ def cached(
         from_arrays: Turns named arrays into it; KeyError, ValueError and IndexError say that they do not fit.
         content: What else it is made of.
         kept_files: Files of this name and kind that are kept, of this version and earlier ones.
-        folder: Where files lie; `$CARLALOC_CACHE` or `~/.cache/carlaloc` when left out.
+        folder: Where files lie; `default_cache_dir` when left out.
     """
     key = content_hash(content.encode(), source_digest(module).encode())
     stored = (folder or default_cache_dir()) / f"{name}-{key}.{kind}"

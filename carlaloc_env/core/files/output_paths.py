@@ -11,11 +11,13 @@ There is no fsync here. A killed process needs none, and after a power cut these
 while one fsync a file would slow down a dataset of thousands. Recordings (`recorder.episode`) cannot be made
 again, and spools of units (`recorder.replaying`) are trusted by later runs: both call fsync themselves.
 
-Locks on files that the kernel lets go of however the process ends.
+Locks on files that the kernel lets go of however the process ends, and claims that hold where such locks
+exclude nobody.
 """
 
 import logging
 import os
+import platform
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -89,6 +91,18 @@ def path_below(folder: str | Path, name: str | Path) -> Path:
     return path
 
 
+def user_folder(variable: str, otherwise: str) -> Path:
+    """Folder that an environment variable names, or `otherwise`; ``~`` is the home folder in both.
+
+    Raises:
+        OutputError: there is no home folder.
+    """
+    try:
+        return Path(os.environ.get(variable) or otherwise).expanduser()
+    except RuntimeError as error:
+        raise OutputError(f"this user has no home folder; set HOME or {variable}") from error
+
+
 def _check_parents(path: Path) -> None:
     above = next((folder for folder in path.absolute().parents if folder.exists()), None)
     if above is not None and not above.is_dir():
@@ -101,7 +115,8 @@ def atomic_write(
 ) -> Iterator[Path]:
     """Give the temporary path of a file or folder, which takes its name when the block ends.
 
-    An exception in the block removes the unfinished file, and leaves an older one unchanged.
+    An exception in the block removes the unfinished file, and leaves an older one unchanged. A library that
+    cuts its file on a full disk without an exception fails here, too.
 
     Args:
         path: Final path; folders above it are made.
@@ -116,11 +131,29 @@ def atomic_write(
         path.parent.mkdir(parents=True, exist_ok=True)
         remove(part)
         yield part
+        check_room(path)
         part.replace(path)
     except OSError as fault:
         raise error(f"cannot write {path}: {fault.strerror or fault}; {advice}") from fault
     finally:
         remove(part)
+
+
+_ROOM_BYTES = 4096
+"""Bytes that a disk still takes after a file that is whole: a block of common file systems."""
+
+
+def check_room(path: Path) -> None:
+    """Make sure that the disk of a file still takes bytes: libraries may have hidden that it did not.
+
+    Raises:
+        OSError: it does not: the disk is full, or the user's quota.
+    """
+    probe = path.with_name(f".{path.name}.probe")
+    try:
+        probe.write_bytes(bytes(_ROOM_BYTES))
+    finally:
+        remove(probe)
 
 
 def part_path(path: Path) -> Path:
@@ -155,8 +188,77 @@ def take_lock(file: IO[Any], *, wait: bool = False) -> bool:
         return True
     try:
         fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except OSError:
+    except BlockingIOError:
         return False
+    except OSError as error:
+        _log.info("files cannot be locked here: %s", error)
+    return True
+
+
+def claim(path: Path, file: IO[Any]) -> str | None:
+    """Lock a file, and claim its place for this process by host and number.
+
+    The claim holds where locks exclude nobody, as over NFS. That of a process of this machine which has died
+    is taken over. It is a link to its text: such a link is made at once or not at all, by one process alone.
+    On a disk without links, the lock has to do.
+
+    Args:
+        path: Where the claim lies; to give it up, remove it.
+        file: An open file at that place.
+
+    Returns:
+        Who has the place, as ``process 42 on host a``; None: it is ours until the file is closed.
+    """
+    if not take_lock(file):
+        found = claimed_by(path)
+        return "an unknown process" if found is None else f"process {found[2]} on host {found[0]}"
+    mine = (platform.node(), _boot(), str(os.getpid()))
+    while True:
+        try:
+            path.symlink_to(" ".join(mine))
+            return None
+        except FileExistsError:
+            found = claimed_by(path)
+        except OSError:
+            return None
+        if found is not None:
+            host, boot, pid = found
+            if mine[0] != host and mine[1] != boot:
+                return f"process {pid} on host {host} (if it has ended there, delete {path})"
+            if mine[1] == boot and not _excludes(file) and _lives(int(pid)):
+                return f"process {pid} on host {host}"
+        path.unlink(missing_ok=True)
+
+
+def claimed_by(path: Path) -> tuple[str, str, str] | None:
+    """Host, its boot and process of a claim; None: there is no claim."""
+    with suppress(OSError, ValueError):
+        host, boot, pid = str(path.readlink()).split(" ")
+        return host, boot, str(int(pid))
+    return None
+
+
+def _boot() -> str:
+    """What no two machines, and no two starts of one, have in common; containers of a machine share it."""
+    with suppress(OSError):
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    return platform.node()
+
+
+def _excludes(file: IO[Any]) -> bool:
+    """Whether the lock that this process has on a file keeps others out, on this machine at least."""
+    with Path(file.name).open("rb") as other:
+        return not take_lock(other)
+
+
+def _lives(pid: int) -> bool:
+    """Whether this machine has a process of this number."""
+    # On Windows a signal of 0 would be a Ctrl-C.
+    if os.name == "posix":
+        try:
+            os.kill(pid, 0)
+        except OSError as error:
+            return isinstance(error, PermissionError)
     return True
 
 

@@ -9,7 +9,7 @@ Trajectories in the TUM format: one line "time tx ty tz qx qy qz qw" per pose.
 
 import ast
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import IO, Any
@@ -46,7 +46,7 @@ from recorder.writers.base import (
 
 TABLES = (Imu, GnssFix, Speed, WheelTicks, CanState, Odometry)
 """Samples that are rows of a table."""
-_PLY = {"<f4": "float", "<i4": "int", "<u2": "uint16", "|u1": "uchar"}
+_PLY = {"<f8": "double", "<f4": "float", "<i4": "int", "<u2": "uint16", "|u1": "uchar"}
 """Names of types, among those that Open3D reads."""
 
 
@@ -146,12 +146,30 @@ def _ply(sample: PointCloud) -> bytes:
         columns.append(("tag", "|u1", sample.tag))
     if sample.instance is not None:
         columns.append(("instance", "<i4", sample.instance))
-    rows = np.empty(len(sample.points_xyz_m), [(name, kind) for name, kind, _ in columns])
+    return ply_bytes(columns)
+
+
+def ply_bytes(
+    columns: Sequence[tuple[str, str, NDArray[Any]]], triangles: NDArray[Any] | None = None
+) -> bytes:
+    """Binary PLY of points.
+
+    Args:
+        columns: Name, data type and values of each of their properties.
+        triangles: Rows of the corners of triangles over them, shape (T, 3).
+    """
+    rows = np.empty(len(columns[0][2]), [(name, kind) for name, kind, _ in columns])
     for name, _, values in columns:
         rows[name] = values
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
     header += [f"property {_PLY[kind]} {name}" for name, kind, _ in columns]
-    return "\n".join([*header, "end_header\n"]).encode() + rows.tobytes()
+    content = rows.tobytes()
+    if triangles is not None:
+        header += [f"element face {len(triangles)}", "property list uchar uint vertex_indices"]
+        faces = np.empty(len(triangles), [("count", "|u1"), ("corners", "<u4", 3)])
+        faces["count"], faces["corners"] = 3, triangles
+        content += faces.tobytes()
+    return "\n".join([*header, "end_header\n"]).encode() + content
 
 
 def write_tum(path: str | Path, motion: Motion, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> Path:

@@ -1,8 +1,11 @@
 """Files and folders that are whole under their name, or not there."""
 
+from contextlib import suppress
+from itertools import repeat
 from pathlib import Path
 
 import pytest
+from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.output_paths import atomic_write, part_path
@@ -30,6 +33,20 @@ def test_what_is_under_a_name_is_whole(tmp_path: Path) -> None:
     with pytest.raises(MapError, match=r"^cannot write .*a\.txt: No space left; free some$"):
         _broken_off(path, OSError(28, "No space left"))
     assert [(file.name, file.read_text()) for file in path.parent.iterdir()] == [("a.txt", "second")]
+
+
+def _cut(path: Path) -> None:
+    writing = atomic_write(path, MapError, "free some")
+    with writing as part, suppress(OSError), part.open("wb", buffering=0) as file:
+        file.writelines(repeat(bytes(4096)))
+
+
+def test_a_file_that_a_library_cut_without_a_word_does_not_take_its_name(tmp_path: Path) -> None:
+    """The disk is full, and the writer reports success."""
+    with small_disk(tmp_path / "disk", 64 << 10) as disk:
+        with pytest.raises(MapError, match=r"^cannot write .*a\.txt: No space left on device; free some$"):
+            _cut(disk / "a.txt")
+        assert not list(disk.iterdir())
 
 
 def test_folders_take_their_name_too(tmp_path: Path) -> None:
