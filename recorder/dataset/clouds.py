@@ -97,7 +97,7 @@ def read_cloud(reader: AnyReader, connection: Connection, raw: bytes, time_field
         if defined := reader.typestore.fielddefs.get(point):
             check_livox([name for name, _ in defined[1]])
         return cloud_of_livox(raw, is_cdr=reader.is2, time_field=time_field)
-    message = reader.deserialize(raw, connection.msgtype)
+    message: Any = reader.deserialize(raw, connection.msgtype)
     if connection.msgtype == POINT_CLOUD:
         return cloud_of_fields(message, time_field)
     if message.format == "draco" and hasattr(message, "timestamp"):
@@ -149,7 +149,8 @@ def cloud_of_draco(message: Any, time_field: str | None = None) -> Cloud:
     if not columns.get("label", np.ones(1)).any():
         del columns["label"]
     names = tuple(columns)
-    rows = np.rec.fromarrays(list(columns.values()), names=list(names))
+    kind = np.dtype([(name, values.dtype) for name, values in columns.items()])
+    rows = np.rec.fromarrays(list(columns.values()), kind)
     stamp_ns = int(message.timestamp.sec) * 10**9 + int(message.timestamp.nanosec)
     return _cloud(rows, *_roles(names, time_field), stamp_ns, names, message.frame_id)
 
@@ -370,7 +371,8 @@ def _doubts(clouds: Sequence[Cloud]) -> Iterator[str]:
 def thinned(points_xyz_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """At most 4000 points of a cloud, at steps that no number of rings divides."""
     count = len(points_xyz_m)
-    return points_xyz_m[np.linspace(0, count - 1, min(count, 4000)).astype(int)]
+    rows = np.linspace(0, count - 1, min(count, 4000)).astype(int)
+    return np.asarray(points_xyz_m[rows])
 
 
 def _odd_extents(points_xyz_m: NDArray[np.float64]) -> Iterator[str]:
@@ -378,13 +380,12 @@ def _odd_extents(points_xyz_m: NDArray[np.float64]) -> Iterator[str]:
     low, high = np.percentile(points_xyz_m, [5, 95], axis=0)
     if np.ptp(points_xyz_m[:, 2]) < _FLAT_M:
         yield "all of its points lie in one plane"
-    if (high - low).max() < _SMALL_M:
-        yield f"its points lie within {(high - low).max():.1g} m"
+    if (size_m := (high - low).max()) < _SMALL_M:
+        yield f"its points lie within {size_m:.1g} m"
     if (away_m := float(np.median(np.linalg.norm(points_xyz_m, axis=1)))) > _FAR_M:
         yield f"its points lie {away_m / 1000:.0f} km away, in coordinates of a map"
-    lines = [np.unique(column) for column in points_xyz_m[:, :2].T]
-    steps_m = [float(np.median(np.diff(line))) if len(line) > 1 else 0.0 for line in lines]
-    if min(steps_m) > _CELL_M and max(map(len, lines)) < 0.05 * len(points_xyz_m):
+    lines_m = np.unique(points_xyz_m[:, 0])
+    if len(lines_m) < 0.05 * len(points_xyz_m) and np.median(np.diff(lines_m)) > _CELL_M:
         yield "its points are cells of a grid"
 
 

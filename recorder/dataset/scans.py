@@ -314,16 +314,16 @@ def cloud_connections(
             return topics[topic], ""
     fitting = [topic for topic in topics if not doubts[topic]]
     others = "; ".join(f"{topic}: {doubts[topic]}" for topic in topics if doubts[topic])
+    if not topics:
+        raise EvaluationError(without_clouds(bag, reader.connections, None, []))
+    if not fitting:
+        raise EvaluationError(f"{bag}: no topic is surely a LiDAR's; --topic takes one even so ({others})")
     if len(fitting) > 1:
         names = ", ".join(fitting)
         raise EvaluationError(f"{bag} has several topics with clouds; choose by --topic: {names}")
-    if fitting:
-        if others:
-            _LOG.warning("%s: %s is read, --topic names another (%s)", bag, fitting[0], others)
-        return topics[fitting[0]], ""
-    if topics:
-        raise EvaluationError(f"{bag}: no topic is surely a LiDAR's; --topic takes one even so ({others})")
-    raise EvaluationError(without_clouds(bag, reader.connections, None, []))
+    if others:
+        _LOG.warning("%s: %s is read, --topic names another (%s)", bag, fitting[0], others)
+    return topics[fitting[0]], ""
 
 
 def scans_of(

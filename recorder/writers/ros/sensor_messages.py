@@ -93,6 +93,13 @@ _RADAR_DTYPE = np.dtype(
 """Detections: metres, m/s (positive = moving away), dB, dBsm, radians; label, id and origin are truth."""
 
 
+_OBJECT_COLUMNS = (
+    "length", "width", "height", "heading", "pitch", "roll", "vx", "vy", "vz", "yaw_rate", "visible",
+    "distance", "label", "id",
+)  # fmt: skip
+"""Of true objects, world frame: metres, radians, m/s, rad/s; visible 0–1 or NaN."""
+
+
 def points(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
     """Points as velodyne_pointcloud's XYZIRT."""
     return maker.table(header, _rows(sample, _POINT_DTYPE))
@@ -161,25 +168,16 @@ def object_table(maker: MessageParts, header: Message, sample: ObjectList) -> Me
 
     Ids are below 2^24, so that single precision holds them.
     """
-    columns = {
-        **dict(zip(("length", "width", "height"), sample.size_m.T, strict=True)),
-        "heading": sample.heading_rad,
-        "pitch": sample.pitch_rad,
-        "roll": sample.roll_rad,
-        **dict(zip(("vx", "vy", "vz"), sample.velocity_mps.T, strict=True)),
-        "yaw_rate": sample.yaw_rate_radps,
-        "visible": sample.visible,
-        "distance": sample.distance_m,
-        "label": sample.tag,
-        "id": sample.id,
-    }
+    angles = np.stack([sample.heading_rad, sample.pitch_rad, sample.roll_rad], axis=1)
+    others = (sample.yaw_rate_radps, sample.visible, sample.distance_m, sample.tag, sample.id)
+    columns = np.column_stack([sample.size_m, angles, sample.velocity_mps, *others]).T.astype(np.float32)
     return maker.new(
         "sensor_msgs/PointCloud",
         header=header,
         points=[maker.new("geometry_msgs/Point32", x=x, y=y, z=z) for x, y, z in sample.position_m.tolist()],
         channels=[
-            maker.new("sensor_msgs/ChannelFloat32", name=name, values=values.astype(np.float32))
-            for name, values in columns.items()
+            maker.new("sensor_msgs/ChannelFloat32", name=name, values=values.copy())
+            for name, values in zip(_OBJECT_COLUMNS, columns, strict=True)
         ],
     )
 

@@ -169,6 +169,15 @@ def test_clouds_of_our_own_compact_bags_are_found_and_read(tmp_path: Path) -> No
     assert np.array_equal(found[0].tag, true.tag[order])  # type: ignore[arg-type, index]
 
 
+def test_kiss_icps_loader_finds_the_lidar_by_itself(tmp_path: Path) -> None:
+    """It takes the only PointCloud2."""
+    loaders = pytest.importorskip("kiss_icp.datasets.rosbag")
+    streams = {"lidar", "objects"}
+    writer = Rosbag1Writer(tmp_path / "a.bag", Ros1Encoder(RIG, profile="standard", streams=streams))
+    path = write_all(writer, [replace(cloud(0, 640), sensor="lidar"), two_objects()])
+    assert loaders.RosbagDataset(path, "").topic == "/lidar/points"
+
+
 def test_without_draco_the_way_to_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "DracoPy", None)
     sensor_messages.draco.cache_clear()
