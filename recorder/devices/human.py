@@ -157,7 +157,7 @@ class HumanDevice:
         """
         self._kind = kind
         self.inputs = inputs
-        self._roles = StickRoles(kind, profiles, preferred)
+        self._roles = StickRoles(kind, profiles, inputs, preferred)
         self._params = params if params is not None else VehicleParams()
         self._key_steering, self._key_pedals = KeySteering(self._params), KeyPedals()
         self._steer = Filter(WHEEL_OMEGA if kind == "wheel" else STICK_OMEGA)
@@ -168,9 +168,6 @@ class HumanDevice:
         self.commands: list[Command] = []
         self.plugged: list[tuple[str, str]] = []
         self._has_driven = False
-        for stick in inputs:
-            self._roles.take(stick)
-        self._roles.assign()
         if kind != "keyboard" and not self.is_connected:
             there = "".join(f"; {stick.name} ({stick.usb}) has no axis to steer with" for stick in inputs)
             raise DeviceError(
@@ -212,14 +209,7 @@ class HumanDevice:
     def poll(self) -> None:
         """Take in events; once per image."""
         self.inputs.pump()
-        self.plugged = []
-        for stick in self.inputs.lost:
-            if self._roles.lose(stick):
-                self.plugged.append(("device_lost", stick.name))
-        for stick in self.inputs.gained:
-            if self._roles.take(stick):
-                self.plugged.append(("device_back", stick.name))
-        self._roles.assign()
+        self.plugged = self._roles.update(self.inputs.lost, self.inputs.gained)
         self.commands = [c for press in self.inputs.presses if (c := self._command(press)) is not None]
 
     def read(self, view: DriverView) -> Controls:

@@ -6,7 +6,7 @@ From a raw axis of a wheel, pedal or stick to a value: data and one function.
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -261,10 +261,14 @@ class StickRoles:
     Args:
         device: ``wheel``, ``gamepad`` or ``keyboard``.
         profiles: Known profiles in order of preference.
+        sticks: Those that are connected.
         preferred: USB id of the stick that steers, where several could.
     """
 
-    def __init__(self, device: str, profiles: Sequence[DeviceProfile], preferred: str | None = None) -> None:
+    def __init__(
+        self, device: str, profiles: Sequence[DeviceProfile], sticks: Iterable[Stick],
+        preferred: str | None = None,
+    ) -> None:  # fmt: skip
         self._device, self._profiles, self._preferred = device, list(profiles), preferred
         self._steerer: Stick | None = None
         self._may_steer: list[Driven] = []
@@ -274,8 +278,16 @@ class StickRoles:
         """Those that steer or have pedals, and those that are known, whose buttons count."""
         self.question = ""
         """Asks for the stick that steers; empty: it is known."""
+        self.update((), sticks)
 
-    def take(self, stick: Stick) -> bool:
+    def update(self, lost: Iterable[Stick], gained: Iterable[Stick]) -> list[tuple[str, str]]:
+        """Decide anew, after sticks were moved, pulled out or plugged in; what became of those that fit."""
+        plugged = [("device_lost", stick.name) for stick in lost if self._lose(stick)]
+        plugged += [("device_back", stick.name) for stick in gained if self._take(stick)]
+        self._assign()
+        return plugged
+
+    def _take(self, stick: Stick) -> bool:
         """Use a stick if a profile fits; False otherwise."""
         kinds = _KINDS_OF.get(self._device, ())
         profile = match_profile(stick.usb, stick.name, self._profiles, kinds, len(stick.raw))
@@ -291,7 +303,7 @@ class StickRoles:
             self._steerer, self._preferred = stick, None
         return True
 
-    def lose(self, stick: Stick) -> bool:
+    def _lose(self, stick: Stick) -> bool:
         """Forget a stick; False: it was not used."""
         left = [(known, profile) for known, profile in self.sticks if known is not stick]
         was_used = len(left) < len(self.sticks)
@@ -305,10 +317,9 @@ class StickRoles:
         """Let a stick steer, if it may."""
         if any(able is stick for able, _ in self._may_steer):
             self._steerer = stick
-        self.assign()
+        self._assign()
 
-    def assign(self) -> None:
-        """Decide anew, after sticks were moved, plugged in or pulled out."""
+    def _assign(self) -> None:
         able = [(s, p) for s, p in self.sticks if p.steer is not None and p.steer.axis < len(s.raw)]
         best = min(map(_fit, able), default=BY_USB)
         self._may_steer = [item for item in able if _fit(item) == best]

@@ -18,7 +18,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.weather.parameters import PRESETS
 from recorder.devices.base import DEVICES, HUMAN, Command
-from recorder.devices.inputs import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT, Inputs, Press, Stick
+from recorder.devices.inputs import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT, Inputs, Press
 from recorder.devices.profile import StickRoles, known_profiles
 from recorder.window.hud import AMBER, BLUE, DARK, WHITE, Lettering
 from recorder.window.window import Window
@@ -150,9 +150,7 @@ class StartScreen:
         self._window, self._inputs = window, inputs
         self.choice = choice
         profiles = known_profiles()
-        self._roles = {device: StickRoles(device, profiles) for device in HUMAN}
-        for stick in inputs:
-            self._take(stick)
+        self._roles = {device: StickRoles(device, profiles, inputs) for device in HUMAN}
         files = {name: path.with_name("town.toml") for name, path in known_towns().items()}
         towns = {
             name: TownConfig.from_toml(file).description if file.exists() else ""
@@ -187,12 +185,8 @@ class StartScreen:
             DeviceError: as `run`.
         """
         self._inputs.pump()
-        for stick in self._inputs.gained:
-            self._take(stick)
         for roles in self._roles.values():
-            for stick in self._inputs.lost:
-                roles.lose(stick)
-            roles.assign()
+            roles.update(self._inputs.lost, self._inputs.gained)
         asked = [KEY_COMMANDS.get(press.key or 0) for press in self._inputs.presses]
         if self._inputs.closed or Command.QUIT in asked:
             raise DeviceError(CLOSED_EARLY)
@@ -232,11 +226,6 @@ class StartScreen:
             return _ALWAYS_THERE[device]
         steering = self._roles[device].of("steer")
         return self._roles[device].question or (steering[0].name if steering else "")
-
-    def _take(self, stick: Stick) -> None:
-        for roles in self._roles.values():
-            roles.take(stick)
-            roles.assign()
 
     def _draw(self, pygame: Any, surface: Any) -> None:
         width, height = surface.get_size()
