@@ -6,10 +6,13 @@ Files are recognised by content, not by name. ROS 2 bags lack definitions of mes
 from __future__ import annotations
 
 import functools
+import heapq
+import itertools
 import logging
 import re
 import shutil
 import sqlite3
+import struct
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
@@ -26,6 +29,7 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
+from recorder.bags import refused_in_one_line
 
 _LOG = logging.getLogger(__name__)
 
@@ -368,3 +372,41 @@ def refused_in_one_line(bag: Path) -> Iterator[None]:
         raise EvaluationError(
             f"cannot read {bag}: no ROS bag, or a damaged one; give another{why}"
         ) from error
+
+
+_AHEAD, _FIRST = 8, 64
+"""Number of messages that wait for late ones, and of the first ones, which show whether more must wait."""
+
+
+def messages_by_stamp(
+    reader: AnyReader, connections: Sequence[Connection]
+) -> Iterator[tuple[Connection, int, bytes]]:
+    """Messages in the order of their headers' stamps, which need not be that of their recording.
+
+    Args:
+        reader: An open reader.
+        connections: One or several, whose messages begin with a header.
+    """
+    waiting: list[tuple[tuple[int, ...], int, int, tuple[Connection, int, bytes]]] = []
+    ahead = _ahead(reader, connections)
+    for number, message in enumerate(reader.messages(connections)):
+        heapq.heappush(waiting, (_stamp(message[2], reader), message[1], number, message))
+        if len(waiting) > ahead:
+            yield heapq.heappop(waiting)[-1]
+    yield from (heapq.heappop(waiting)[-1] for _ in range(len(waiting)))
+
+
+def _ahead(reader: AnyReader, connections: Sequence[Connection]) -> int:
+    """Number of messages that must wait: a few if the first ones are in order, else as many as all need."""
+    times = ((_stamp(raw, reader), at_ns) for _, at_ns, raw in reader.messages(connections))
+    first = list(itertools.islice(times, _FIRST))
+    if first == sorted(first):
+        return _AHEAD
+    first += times
+    return max(number - rank for rank, number in enumerate(sorted(range(len(first)), key=first.__getitem__)))
+
+
+def _stamp(raw: bytes, reader: AnyReader) -> tuple[int, ...]:
+    """Seconds and nanoseconds of a header, which follow ROS 1's counter or CDR's mark of the byte order."""
+    order = ">" if reader.is2 and not raw[1] & 1 else "<"
+    return struct.unpack_from(f"{order}2I", raw, 4)

@@ -1,11 +1,15 @@
-"""Point clouds of messages: `sensor_msgs/PointCloud2` with any fields, and Livox's `CustomMsg`."""
+"""Point clouds of messages: `sensor_msgs/PointCloud2` with any fields, Livox's `CustomMsg`, and Draco.
 
-import heapq
-import itertools
+Which topic of a bag is a LiDAR's, by its first clouds: maps, boxes, radars and cameras have clouds, too.
+"""
+
 import re
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -14,10 +18,17 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from carlaloc_env.core.errors import EvaluationError, unknown_name
+from recorder.bags import refused_in_one_line
+from recorder.writers.ros.sensor_messages import columns_of_draco
 
 POINT_CLOUD, LIVOX = "sensor_msgs/msg/PointCloud2", re.compile(r"livox_ros_driver2?/msg/CustomMsg")
-"""Types of messages that are read."""
-READ = "sensor_msgs/PointCloud2 and livox_ros_driver2/CustomMsg"
+CLOUD = re.compile(
+    f"{POINT_CLOUD}|{LIVOX.pattern}|foxglove_msgs/msg/CompressedPointCloud|point_cloud_interfaces/msg/.*"
+)
+"""Types of messages that may be read."""
+READ = "sensor_msgs/PointCloud2 and livox_ros_driver2/CustomMsg, foxglove_msgs/CompressedPointCloud by Draco"
+DEFAULT_TOPICS = ("/lidar/points", "/lidar/draco")
+"""Topics of the clouds of our bags."""
 
 _DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Numbers of `sensor_msgs/PointField` as NumPy types."""
@@ -35,8 +46,6 @@ _TIME = re.compile(
     r"(?:_(?P<unit>ns|nsec|us|usec|ms|msec|s|sec))?"
 )
 """Names of the time of a point, in lower case; some name its unit, too."""
-_AHEAD, _FIRST = 8, 64
-"""Number of messages that wait for late ones, and of the first ones, which show whether more must wait."""
 _STEP_MAX = 2**31 - 1
 """Largest point that NumPy can view [bytes]."""
 _SINGLE_M = 1000.0
@@ -66,6 +75,35 @@ class Cloud:
     tag: NDArray[np.uint8] | None
     fields: tuple[str, ...]
     """Names of all fields."""
+    frame_id: str = ""
+    """Frame in the header, without a leading ``/``."""
+
+
+def read_cloud(reader: AnyReader, connection: Connection, raw: bytes, time_field: str | None = None) -> Cloud:
+    """Points of a message of any type that is read here.
+
+    Args:
+        reader: The open bag.
+        connection: The message's.
+        raw: The serialized message.
+        time_field: The field that holds times; None: those with names of times.
+
+    Raises:
+        EvaluationError: it is packed by another program than Draco, lacks a field, or contradicts itself.
+        WriterError: it is packed by Draco, whose library is not installed.
+    """
+    if LIVOX.fullmatch(connection.msgtype):
+        point = connection.msgtype.replace("CustomMsg", "CustomPoint")
+        if defined := reader.typestore.fielddefs.get(point):
+            check_livox([name for name, _ in defined[1]])
+        return cloud_of_livox(raw, is_cdr=reader.is2, time_field=time_field)
+    message: Any = reader.deserialize(raw, connection.msgtype)
+    if connection.msgtype == POINT_CLOUD:
+        return cloud_of_fields(message, time_field)
+    if message.format == "draco" and hasattr(message, "timestamp"):
+        return cloud_of_draco(message, time_field)
+    tool = "cloudini_rosbag_converter" if "cloudini" in message.format else "point_cloud_transport"
+    raise EvaluationError(f"its clouds are packed by {message.format}; unpack the bag with {tool}")
 
 
 def cloud_of_fields(message: Any, time_field: str | None = None) -> Cloud:
@@ -90,7 +128,31 @@ def cloud_of_fields(message: Any, time_field: str | None = None) -> Cloud:
     }
     stamp = message.header.stamp
     stamp_ns = int(stamp.sec) * 10**9 + int(stamp.nanosec)
-    return _cloud(_rows(message, np.dtype(layout)), roles, times, stamp_ns, tuple(by_name))
+    rows = _rows(message, np.dtype(layout))
+    return _cloud(rows, roles, times, stamp_ns, tuple(by_name), message.header.frame_id)
+
+
+def cloud_of_draco(message: Any, time_field: str | None = None) -> Cloud:
+    """Points of a `foxglove_msgs/CompressedPointCloud` by Draco; of other programs' clouds positions alone.
+
+    Args:
+        message: The message, as rosbags reads it.
+        time_field: The field that holds times; None: ``time``, seconds after the stamp.
+
+    Raises:
+        WriterError: the library is not installed.
+        EvaluationError: it has no such field.
+    """
+    columns = columns_of_draco(message.data.tobytes())
+    if "time_us" in columns:
+        columns["time"] = columns.pop("time_us") * 1e-6
+    if not columns.get("label", np.ones(1)).any():
+        del columns["label"]
+    names = tuple(columns)
+    kind = np.dtype([(name, values.dtype) for name, values in columns.items()])
+    rows = np.rec.fromarrays(list(columns.values()), kind)
+    stamp_ns = int(message.timestamp.sec) * 10**9 + int(message.timestamp.nanosec)
+    return _cloud(rows, *_roles(names, time_field), stamp_ns, names, message.frame_id)
 
 
 def check_livox(fields: list[str]) -> None:
@@ -121,6 +183,7 @@ def cloud_of_livox(raw: bytes, *, is_cdr: bool, time_field: str | None = None) -
     try:
         begin = 0 if is_cdr else 4
         sec, nanosec, letters = struct.unpack_from("<iII", body, begin)
+        frame_id = bytes(body[begin + 12 : begin + 12 + letters]).decode(errors="replace").rstrip("\0")
         begin += 12 + letters
         if is_cdr:
             begin += -begin % 8
@@ -130,7 +193,8 @@ def cloud_of_livox(raw: bytes, *, is_cdr: bool, time_field: str | None = None) -
     except (struct.error, TypeError, ValueError) as error:
         raise EvaluationError("a Livox cloud is cut off or damaged; give another bag") from error
     names = tuple(_LIVOX_POINT.names or ())
-    return _cloud(points, *_roles(names, time_field), sec * 10**9 + nanosec or timebase_ns, names)
+    stamp_ns = sec * 10**9 + nanosec or timebase_ns
+    return _cloud(points, *_roles(names, time_field), stamp_ns, names, frame_id)
 
 
 def unit_in_name(field: str) -> str | None:
@@ -185,8 +249,9 @@ def _rows(message: Any, kind: np.dtype[np.void]) -> NDArray[np.void]:
 
 
 def _cloud(
-    rows: NDArray[np.void], roles: dict[str, str], times: list[str], stamp_ns: int, fields: tuple[str, ...]
-) -> Cloud:
+    rows: NDArray[np.void], roles: dict[str, str], times: list[str], stamp_ns: int, fields: tuple[str, ...],
+    frame_id: str,
+) -> Cloud:  # fmt: skip
     axes = [rows[roles[axis]].astype(np.float64) for axis in "xyz"]
     size = np.abs(axes[0]) + np.abs(axes[1]) + np.abs(axes[2])
     # Rays without a return are NaN or zero.
@@ -205,6 +270,7 @@ def _cloud(
             intensity=rows[roles["intensity"]].astype(np.float64) if "intensity" in roles else None,
             tag=_tag(rows[roles["label"]]) if "label" in roles else None,
             fields=fields,
+            frame_id=frame_id.lstrip("/"),
         )
 
 
@@ -214,35 +280,119 @@ def _tag(label: NDArray[Any]) -> NDArray[np.uint8] | None:
     return tag if np.array_equal(tag, label) else None
 
 
-def messages_by_stamp(
-    reader: AnyReader, connections: Sequence[Connection]
-) -> Iterator[tuple[Connection, int, bytes]]:
-    """Messages in the order of their headers' stamps, which need not be that of their recording.
+_SEEN = 12
+"""Number of clouds by which a topic is judged."""
+_WORLD = re.compile(r"(?:.*[/_])?(?:map|odom|world|camera_init|earth|global|utm|enu)", re.IGNORECASE)
+"""Names of frames that do not move with a sensor."""
+_OTHERS = {
+    "boxes of objects": {"length", "width", "heading", "yaw", "yaw_rate", "size_x"},
+    "detections of a radar": {"rcs", "doppler", "range_rate", "dyn_prop", "vx_comp", "v_r"},
+    "costs": {"cost", "costs", "path_cost", "occ_cost", "total_cost", "occupancy"},
+}
+"""Other things than a LiDAR's points, and fields that show them."""
+_OF_RADARS = {"velocity", "radial_velocity", "doppler_velocity", "radial_speed", "vx", "snr", "power"}
+"""Fields of radars, and of some LiDARs, which have many more points."""
+_COLOURS = {"rgb", "rgba"}
+_RADAR_POINTS, _FEW_POINTS = 2000, 100
+"""Most points of a radar's cloud, and fewest of a LiDAR's."""
+_FLAT_M, _SMALL_M, _FAR_M, _CELL_M = 0.05, 1.0, 1000.0, 0.02
+"""Least height and extent of a LiDAR's clouds, greatest distance, and least cell of a grid [m]."""
+_SLOW_S = 1.5
+"""Longest time between sweeps [s]."""
 
-    Args:
-        reader: An open reader.
-        connections: One or several, whose messages begin with a header.
+
+def without_clouds(bag: Path, connections: Sequence[Connection], topic: str | None, known: list[str]) -> str:
+    """Why a bag has no clouds to be read on a topic, or (None) none at all."""
+    others = {c.topic: c.msgtype for c in connections if topic in (None, c.topic)}
+    if topic is not None and not others:
+        return f"{bag}: {unknown_name('topic with point clouds', topic, known)}"
+    found = ", ".join(f"{name} is {kind}" for name, kind in sorted(others.items(), key=_unlike_a_cloud))
+    return f"{bag}: no point clouds that are read here ({READ}); {found or 'it is empty'}"
+
+
+def _unlike_a_cloud(item: tuple[str, str]) -> tuple[bool, str]:
+    return not re.search("scan|packet|cloud|lidar|laser", item[1], re.IGNORECASE), item[0]
+
+
+def doubt_of(bag: Path, reader: AnyReader, connections: list[Connection], frame: str) -> str:
+    """Why a topic is hardly one LiDAR's, by its first clouds; empty: it looks like one's."""
+    clouds: list[Cloud] = []
+    try:
+        with refused_in_one_line(bag):
+            for connection, _, raw in islice(reader.messages(connections=connections), _SEEN):
+                cloud = read_cloud(reader, connection, raw)
+                frame = frame or cloud.frame_id
+                if frame == cloud.frame_id and len(cloud.points_xyz_m):
+                    clouds.append(cloud)
+    except EvaluationError as error:
+        return str(error)
+    return next(_doubts(clouds), "") if clouds else ""
+
+
+def of_one_frame(clouds: Iterator[tuple[int, Cloud]], where: str, frame: str) -> Iterator[tuple[int, Cloud]]:
+    """Clouds of a frame, each with its time of recording; empty: there must be one alone.
+
+    Raises:
+        EvaluationError: there are clouds of two frames, and none is asked for.
     """
-    waiting: list[tuple[tuple[int, ...], int, int, tuple[Connection, int, bytes]]] = []
-    ahead = _ahead(reader, connections)
-    for number, message in enumerate(reader.messages(connections)):
-        heapq.heappush(waiting, (_stamp(message[2], reader), message[1], number, message))
-        if len(waiting) > ahead:
-            yield heapq.heappop(waiting)[-1]
-    yield from (heapq.heappop(waiting)[-1] for _ in range(len(waiting)))
+    first = frame
+    for at_ns, cloud in clouds:
+        first = first or cloud.frame_id
+        if cloud.frame_id == first:
+            yield at_ns, cloud
+        elif not frame:
+            names = " or ".join(f"{where.rpartition(' ')[2]}:{name}" for name in (first, cloud.frame_id))
+            raise EvaluationError(f"{where} has clouds of two sensors; choose by --topic {names}")
 
 
-def _ahead(reader: AnyReader, connections: Sequence[Connection]) -> int:
-    """Number of messages that must wait: a few if the first ones are in order, else as many as all need."""
-    times = ((_stamp(raw, reader), at_ns) for _, at_ns, raw in reader.messages(connections))
-    first = list(itertools.islice(times, _FIRST))
-    if first == sorted(first):
-        return _AHEAD
-    first += times
-    return max(number - rank for rank, number in enumerate(sorted(range(len(first)), key=first.__getitem__)))
+def _doubts(clouds: Sequence[Cloud]) -> Iterator[str]:
+    """Reasons why clouds of one frame are hardly the sweeps of a LiDAR."""
+    fields = {name.lower() for name in clouds[0].fields}
+    count = median(len(cloud.points_xyz_m) for cloud in clouds)
+    for kind, names in _OTHERS.items():
+        if found := ", ".join(sorted(fields & names)):
+            yield f"it holds {kind} ({found})"
+    if count < _RADAR_POINTS and (found := ", ".join(sorted(fields & _OF_RADARS))):
+        yield f"it holds detections of a radar ({found}, {count:.0f} points)"
+    if fields & _COLOURS and not (clouds[0].times or clouds[0].ring is not None):
+        yield "it holds a camera's coloured points"
+    if count < _FEW_POINTS:
+        yield f"its clouds have {count:.0f} points"
+    yield from _odd_extents(np.concatenate([thinned(cloud.points_xyz_m) for cloud in clouds]))
+    if _WORLD.fullmatch(clouds[0].frame_id):
+        yield f"its frame '{clouds[0].frame_id}' moves with no sensor: a map, or clouds registered already"
+    times_s = np.unique([cloud.stamp_ns for cloud in clouds]) * 1e-9
+    if len(times_s) > 1 and (step_s := float(np.median(np.diff(times_s)))) > _SLOW_S:
+        yield f"it has a cloud every {step_s:.1f} s"
+    if 1 < len(times_s) <= 0.75 * len(clouds) or _take_turns(clouds):
+        yield "two sensors of one frame share it: record a topic for each"
 
 
-def _stamp(raw: bytes, reader: AnyReader) -> tuple[int, ...]:
-    """Seconds and nanoseconds of a header, which follow ROS 1's counter or CDR's mark of the byte order."""
-    order = ">" if reader.is2 and not raw[1] & 1 else "<"
-    return struct.unpack_from(f"{order}2I", raw, 4)
+def thinned(points_xyz_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """At most 4000 points of a cloud, at steps that no number of rings divides."""
+    count = len(points_xyz_m)
+    rows = np.linspace(0, count - 1, min(count, 4000)).astype(int)
+    return np.asarray(points_xyz_m[rows])
+
+
+def _odd_extents(points_xyz_m: NDArray[np.float64]) -> Iterator[str]:
+    """Ways in which points do not lie around a LiDAR."""
+    low, high = np.percentile(points_xyz_m, [5, 95], axis=0)
+    if np.ptp(points_xyz_m[:, 2]) < _FLAT_M:
+        yield "all of its points lie in one plane"
+    if (size_m := (high - low).max()) < _SMALL_M:
+        yield f"its points lie within {size_m:.1g} m"
+    if (away_m := float(np.median(np.linalg.norm(points_xyz_m, axis=1)))) > _FAR_M:
+        yield f"its points lie {away_m / 1000:.0f} km away, in coordinates of a map"
+    lines_m = np.unique(points_xyz_m[:, 0])
+    if len(lines_m) < 0.05 * len(points_xyz_m) and np.median(np.diff(lines_m)) > _CELL_M:
+        yield "its points are cells of a grid"
+
+
+def _take_turns(clouds: Sequence[Cloud]) -> bool:
+    """Whether every second cloud resembles the last but one, and not the last."""
+    middles = np.array([cloud.points_xyz_m.mean(axis=0) for cloud in clouds])
+    if len(middles) < 6:
+        return False
+    one, two = (np.median(np.linalg.norm(middles[k:] - middles[:-k], axis=1)) for k in (1, 2))
+    return bool(one > 0.5 and two < 0.3 * one)

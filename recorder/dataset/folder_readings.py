@@ -116,7 +116,7 @@ def painted_over(image: U8, mask: NDArray[np.bool_]) -> U8:
 _OUR_TIMES = TimeRule(field="time")
 """Times of points as our bags write them: seconds after the header's stamp, the sweep's beginning."""
 _READ_HERE: dict[type[Sample], tuple[str, ...]] = {
-    PointCloud: ("points", "points_labelled", "points_of_the_town"),
+    PointCloud: ("points", "points_labelled", "points_of_the_town", "cloud_draco"),
     Imu: ("imu",),
     SemanticImage: ("image_tags",),
 }

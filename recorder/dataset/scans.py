@@ -10,7 +10,6 @@ relative, times that advance with the headers are absolute, and their range show
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -25,17 +24,16 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, unknown_name
-from recorder.bags import open_bag, refused_in_one_line
+from recorder.bags import messages_by_stamp, open_bag, refused_in_one_line
 from recorder.dataset.clouds import (
-    LIVOX,
-    POINT_CLOUD,
-    READ,
+    CLOUD,
+    DEFAULT_TOPICS,
     Cloud,
-    check_livox,
-    cloud_of_fields,
-    cloud_of_livox,
-    messages_by_stamp,
+    doubt_of,
+    of_one_frame,
+    read_cloud,
     unit_in_name,
+    without_clouds,
 )
 
 UNITS_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}
@@ -195,8 +193,6 @@ def _since(lows_ns: Sequence[float], span_ns: float, headers_ns: Sequence[int], 
 
 _LOG = logging.getLogger(__name__)
 
-DEFAULT_TOPIC = "/lidar/points"
-"""Topic of the clouds of our bags."""
 _LOOKED_AT = 10
 """Number of clouds with points by which the rule of times is chosen."""
 
@@ -267,47 +263,67 @@ def read_scans(
 
     Args:
         bag: A bag as `open_bag` takes it.
-        topic: Topic of `sensor_msgs/PointCloud2` or Livox's `CustomMsg`; None: ``/lidar/points`` if there are
-            clouds on it, else the only one.
-        times: Rule by which times are read, or options for choosing it by the first clouds.
+        topic: Topic of clouds, or ``topic:frame`` where several sensors share it; None: that of our bags,
+            else the only one that looks like a LiDAR's.
+        times: Rule by which times are read of a topic of ours, or options for choosing it by the first ones.
 
     Raises:
         EvaluationError: the bag is missing or damaged, has no such topic, or a cloud lacks x, y, z.
         ConfigError: there is no such unit of time.
     """
     with open_bag(bag) as reader:
-        chosen = cloud_connections(bag, reader.connections, topic)
+        chosen, frame = cloud_connections(bag, reader, topic, is_ours=isinstance(times, TimeRule))
         count = sum(connection.msgcount for connection in chosen)
         field = times.field if isinstance(times, ScanTimes) else None
         clouds = _clouds(bag, reader, chosen, None if field == NO_TIMES else field)
-        for scan in scans_of(clouds, f"{bag}: {chosen[0].topic}", times):
+        where = f"{bag}: {chosen[0].topic}"
+        for scan in scans_of(of_one_frame(clouds, where, frame), where, times):
             yield count, scan
 
 
-def cloud_connections(bag: Path, connections: Sequence[Connection], topic: str | None) -> list[Connection]:
-    """Connections of the topic whose clouds are read.
+def cloud_connections(
+    bag: Path, reader: AnyReader, wanted: str | None, *, is_ours: bool = False
+) -> tuple[list[Connection], str]:
+    """Connections of the topic whose clouds are read, and the frame of those that count (empty: any).
+
+    Args:
+        bag: The bag as the user named it.
+        reader: It, open.
+        wanted: Topic, or ``topic:frame`` where sensors share it; None: the one that looks like a LiDAR's.
+        is_ours: Whether the topic is known to be a LiDAR's.
 
     Raises:
-        EvaluationError: there is none, or several that may be meant.
+        EvaluationError: there is none, or there are several that may be meant.
     """
-    fitting = [c for c in connections if c.msgtype == POINT_CLOUD or LIVOX.fullmatch(c.msgtype)]
-    topics = sorted({c.topic for c in fitting if c.msgcount})
-    if topic is None and (DEFAULT_TOPIC in topics or len(topics) == 1):
-        topic = DEFAULT_TOPIC if DEFAULT_TOPIC in topics else topics[0]
-    if topic is None and topics:
-        raise EvaluationError(f"{bag} has several topics with clouds; choose by --topic: {', '.join(topics)}")
-    chosen = [c for c in fitting if c.topic == topic]
-    if chosen:
-        return chosen
-    others = {c.topic: c.msgtype for c in connections if topic in (None, c.topic)}
-    if topic is not None and not others:
-        raise EvaluationError(f"{bag}: {unknown_name('topic with point clouds', topic, topics)}")
-    found = ", ".join(f"{name} is {kind}" for name, kind in sorted(others.items(), key=_unlike_a_cloud))
-    raise EvaluationError(f"{bag}: no point clouds that are read here ({READ}); {found or 'it is empty'}")
-
-
-def _unlike_a_cloud(item: tuple[str, str]) -> tuple[bool, str]:
-    return not re.search("scan|packet|cloud|lidar|laser", item[1], re.IGNORECASE), item[0]
+    topics: dict[str, list[Connection]] = {}
+    for connection in reader.connections:
+        if CLOUD.fullmatch(connection.msgtype):
+            topics.setdefault(connection.topic, []).append(connection)
+    if wanted is not None:
+        topic, _, frame = wanted.partition(":")
+        if topic not in topics:
+            raise EvaluationError(without_clouds(bag, reader.connections, topic, sorted(topics)))
+        if not is_ours and (doubt := doubt_of(bag, reader, topics[topic], frame)):
+            _LOG.warning("%s: %s is read as asked for, but %s", bag, topic, doubt)
+        return topics[topic], frame
+    topics = {topic: found for topic, found in sorted(topics.items()) if any(c.msgcount for c in found)}
+    doubts: dict[str, str] = {}
+    for topic in sorted(topics, key=lambda topic: topic not in DEFAULT_TOPICS):
+        doubts[topic] = doubt_of(bag, reader, topics[topic], "")
+        if topic in DEFAULT_TOPICS and not doubts[topic]:
+            return topics[topic], ""
+    fitting = [topic for topic in topics if not doubts[topic]]
+    others = "; ".join(f"{topic}: {doubts[topic]}" for topic in topics if doubts[topic])
+    if not topics:
+        raise EvaluationError(without_clouds(bag, reader.connections, None, []))
+    if not fitting:
+        raise EvaluationError(f"{bag}: no topic is surely a LiDAR's; --topic takes one even so ({others})")
+    if len(fitting) > 1:
+        names = ", ".join(fitting)
+        raise EvaluationError(f"{bag} has several topics with clouds; choose by --topic: {names}")
+    if others:
+        _LOG.warning("%s: %s is read, --topic names another (%s)", bag, fitting[0], others)
+    return topics[fitting[0]], ""
 
 
 def scans_of(
@@ -347,16 +363,9 @@ def scans_of(
 def _clouds(
     bag: Path, reader: AnyReader, connections: list[Connection], time_field: str | None
 ) -> Iterator[tuple[int, Cloud]]:
-    livox = connections[0].msgtype.replace("CustomMsg", "CustomPoint")
-    if livox != POINT_CLOUD and (defined := reader.typestore.fielddefs.get(livox)):
-        check_livox([name for name, _ in defined[1]])
     with refused_in_one_line(bag):
         for connection, recorded_ns, raw in messages_by_stamp(reader, connections):
-            if connection.msgtype == POINT_CLOUD:
-                message = reader.deserialize(raw, POINT_CLOUD)
-                yield recorded_ns, cloud_of_fields(message, time_field)
-            else:
-                yield recorded_ns, cloud_of_livox(raw, is_cdr=reader.is2, time_field=time_field)
+            yield recorded_ns, read_cloud(reader, connection, raw, time_field)
 
 
 def _scan(cloud: Cloud, rule: TimeRule, where: str) -> Scan:

@@ -154,12 +154,17 @@ def _choose(source: Inputs, ask: Ask) -> Stick:
         raise DeviceError("no wheel or pad is connected; plug one in and calibrate again")
     if len(sticks) == 1:
         return sticks[0]
-    ask(f"{len(sticks)} devices are connected: press any button on the one to calibrate.")
+    ask(f"{len(sticks)} devices are connected: press a button of the one to calibrate, or turn it.")
+    for stick in sticks:
+        stick.seen.clear()
     for _ in _polls(source, _TIMEOUT_S):
         for press in source.presses:
             if press.stick is not None:
                 return press.stick
-    raise DeviceError("no button was pressed; calibrate again")
+        for stick in source:
+            if any(map(stick.was_moved, range(len(stick.raw)))):
+                return stick
+    raise DeviceError("nothing was pressed or turned; calibrate again")
 
 
 def _rest(source: Inputs, stick: Stick) -> list[float]:

@@ -14,8 +14,16 @@ from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.driving.road_ahead import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.base import Command
-from recorder.devices.inputs import KEY_COMMANDS, Inputs, Press, Stick, held_pedals
-from recorder.devices.profile import AxisShape, DeviceProfile, match_profile, shape_axis
+from recorder.devices.inputs import KEY_COMMANDS, Inputs, Press, held_pedals
+from recorder.devices.profile import (
+    BY_KIND,
+    AxisShape,
+    DeviceProfile,
+    StickRoles,
+    fit_of,
+    rested,
+    shape_axis,
+)
 
 KEYBOARD_LATERAL_MPS2 = 4.0
 """Lateral acceleration that full steering by key or stick may ask for [m/s²]."""
@@ -123,8 +131,8 @@ _LOST_BRAKE, _LOST_RAMP_S, _LOST_STRAIGHTEN_S = 0.3, 1.0, 1.5
 class HumanDevice:
     """Drives by what people do; devices may come and go while it runs.
 
-    Of all connected sticks the first that fits steers; separate pedals are preferred to those of the
-    wheel. While nothing that drives is connected, the car coasts, brakes gently and straightens.
+    `StickRoles` decides which stick does what; a pedal acts after it was seen at rest. While nothing that
+    drives is connected, the car coasts, brakes gently and straightens.
     """
 
     def __init__(
@@ -133,6 +141,7 @@ class HumanDevice:
         inputs: Inputs,
         profiles: Sequence[DeviceProfile],
         params: VehicleParams | None = None,
+        preferred: str | None = None,
     ) -> None:
         """Look for devices.
 
@@ -141,15 +150,15 @@ class HumanDevice:
             inputs: Where events come from.
             profiles: What devices are known, in order of preference.
             params: The car.
+            preferred: USB id of the device that steers, where several could.
 
         Raises:
             DeviceError: no such device is connected.
         """
         self._kind = kind
         self.inputs = inputs
-        self._profiles = list(profiles)
+        self._roles = StickRoles(kind, profiles, inputs, preferred)
         self._params = params if params is not None else VehicleParams()
-        self._sticks: list[tuple[Stick, DeviceProfile]] = []
         self._key_steering, self._key_pedals = KeySteering(self._params), KeyPedals()
         self._steer = Filter(WHEEL_OMEGA if kind == "wheel" else STICK_OMEGA)
         self._pedals = Filter(PEDAL_OMEGA), Filter(PEDAL_OMEGA)
@@ -158,9 +167,7 @@ class HumanDevice:
         self.raw = Controls()
         self.commands: list[Command] = []
         self.plugged: list[tuple[str, str]] = []
-        self._guesses: list[str] = []
-        for stick in inputs:
-            self._take(stick)
+        self._has_driven = False
         if kind != "keyboard" and not self.is_connected:
             there = "".join(f"; {stick.name} ({stick.usb}) has no axis to steer with" for stick in inputs)
             raise DeviceError(
@@ -168,45 +175,41 @@ class HumanDevice:
             )
         if (fault := self._fault()) is not None:
             raise DeviceError(fault)
-        for guess in self._guesses:
-            _LOG.warning(guess)
+        if (note := self._roles.question or self._guess()) is not None:
+            _LOG.warning(note)
 
     @property
     def name(self) -> str:
         """Kind and names of the devices, as recorded in the episode."""
-        names = ", ".join(f"{profile.name} ({stick.usb})" for stick, profile in self._sticks)
+        driven = self._roles.sticks if self._roles.question else self._roles.in_use
+        names = ", ".join(f"{profile.name} ({stick.usb})" for stick, profile in driven)
         return f"{self._kind}: {names}" if names else self._kind
 
     @property
     def buttons(self) -> dict[str, int]:
         """Button of each command on what is connected."""
-        return {name: number for _, profile in self._sticks for name, number in profile.buttons.items()}
+        return {name: number for _, profile in self._roles.in_use for name, number in profile.buttons.items()}
 
     @property
     def is_connected(self) -> bool:
         """Whether anything that steers is there."""
-        return self._kind == "keyboard" or self._of("steer") is not None
+        return self._kind == "keyboard" or bool(self._roles.question or self._roles.of("steer"))
 
     @property
     def message(self) -> str | None:
         """A message about the devices for the driver, None when all is well."""
         if not self.is_connected:
             return f"{self._kind.upper()} UNPLUGGED: braking; plug it in again"
+        if self._roles.question:
+            return self._roles.question
         if self._kind != "keyboard" and self._steering_raw() is None:
             return f"turn the {self._kind} a little so that its position is known"
-        return self._fault() or (self._guesses[0] if self._guesses else None)
+        return self._fault() or self._pressed_from_the_start() or self._guess()
 
     def poll(self) -> None:
         """Take in events; once per image."""
         self.inputs.pump()
-        self.plugged = []
-        for stick in self.inputs.lost:
-            if any(stick is known for known, _ in self._sticks):
-                self._sticks = [(s, p) for s, p in self._sticks if s is not stick]
-                self.plugged.append(("device_lost", stick.name))
-        for stick in self.inputs.gained:
-            if self._take(stick):
-                self.plugged.append(("device_back", stick.name))
+        self.plugged = self._roles.update(self.inputs.lost, self.inputs.gained)
         self.commands = [c for press in self.inputs.presses if (c := self._command(press)) is not None]
 
     def read(self, view: DriverView) -> Controls:
@@ -221,9 +224,8 @@ class HumanDevice:
             shaped = self._read_keys(view.speed_mps)
         else:
             shaped = self._read_sticks(view.speed_mps)
-        if shaped.throttle > 0.5:
-            # The driver has found the pedals.
-            self._guesses = []
+        # The driver has found the pedals.
+        self._has_driven |= shaped.throttle > 0.5
         return replace(shaped, reverse=self._reverse)
 
     def close(self) -> None:
@@ -253,7 +255,7 @@ class HumanDevice:
             handbrake=handbrake,
         )
         if self._kind == "wheel":
-            found = self._of("steer")
+            found = self._roles.of("steer")
             rotation = found[1].rotation_deg if found is not None else 900.0
             target = wheel_steer(turned, rotation, self._params)
         else:
@@ -279,31 +281,27 @@ class HumanDevice:
             reverse=self._reverse,
         )
 
-    def _take(self, stick: Stick) -> bool:
-        """Use a stick if a profile fits; False otherwise."""
-        kinds = {"wheel": ("wheel", "pedals"), "gamepad": ("gamepad",)}.get(self._kind, ())
-        if not kinds:
-            return False
-        profile = match_profile(stick.usb, stick.name, self._profiles, kinds, len(stick.raw))
-        if profile is None:
-            return False
-        for shape in profile.axes:
-            if shape.axis < len(stick.raw) and abs(stick.raw[shape.axis] - shape.rest) < 0.02:
-                # The calibrated rest value is as good as a movement.
-                stick.known[shape.axis] |= abs(shape.rest) > 0.5
-        self._sticks.append((stick, profile))
-        if profile.is_generic and profile.name.lower() != stick.name.lower():
-            self._guesses.append(
-                f"{stick.name} ({stick.usb}) is read as '{profile.name}'; if that is wrong: {self._calibrate}"
-            )
-        return True
+    def _guess(self) -> str | None:
+        """Names a stick in use whose profile is a guess, until the driver has found the pedals."""
+        for stick, profile in () if self._has_driven else self._roles.in_use:
+            if fit_of(stick.usb, stick.name, profile) >= BY_KIND:
+                return (
+                    f"{stick.name} ({stick.usb}) is read as '{profile.name}'; if that is wrong: "
+                    f"{self._calibrate}"
+                )
+        return None
 
-    def _of(self, role: str) -> tuple[Stick, DeviceProfile] | None:
-        """Stick that has the axis of a role; separate pedals go first."""
-        shapes = [(s, p, getattr(p, role)) for s, p in self._sticks]
-        having = [(s, p) for s, p, shape in shapes if shape is not None and shape.axis < len(s.raw)]
-        having.sort(key=lambda item: item[1].kind != "pedals")
-        return having[0] if having else None
+    def _pressed_from_the_start(self) -> str | None:
+        """Names a pedal that has never been at rest, and therefore does not act."""
+        for role in ("throttle", "brake"):
+            found = self._roles.of(role)
+            if found is None or rested(*found, role):
+                continue
+            shape: AxisShape = getattr(found[1], role)
+            raw = found[0].axis(shape.axis)
+            if raw is not None and shape_axis(raw, shape) > 0.0:
+                return f"let go of the {role} of {found[0].name}; if nothing presses it: {self._calibrate}"
+        return None
 
     @property
     def _calibrate(self) -> str:
@@ -311,12 +309,13 @@ class HumanDevice:
 
     def _fault(self) -> str | None:
         """What the sticks that are there cannot do, and the next step; None when they can drive."""
-        if self._kind == "keyboard":
+        if self._kind == "keyboard" or self._roles.question:
             return None
         for role in ("steer", "throttle", "brake"):
-            if self._of(role) is not None or any(role in profile.buttons for _, profile in self._sticks):
+            buttons = (profile.buttons for _, profile in self._roles.sticks)
+            if self._roles.of(role) is not None or any(role in pressed for pressed in buttons):
                 continue
-            for stick, profile in self._sticks:
+            for stick, profile in self._roles.sticks:
                 shape = getattr(profile, role)
                 if shape is not None:
                     return (
@@ -327,27 +326,28 @@ class HumanDevice:
         return None
 
     def _steering_raw(self) -> float | None:
-        found = self._of("steer")
+        found = self._roles.of("steer")
         if found is None or found[1].steer is None:
             return None
         raw = found[0].axis(found[1].steer.axis)
         return None if raw is None else shape_axis(raw, found[1].steer)
 
     def _pedal(self, role: str) -> float:
-        found = self._of(role)
-        if found is None:
+        found = self._roles.of(role)
+        if found is None or not rested(*found, role):
             return 0.0
         shape: AxisShape = getattr(found[1], role)
         raw = found[0].axis(shape.axis)
         return 0.0 if raw is None else max(0.0, shape_axis(raw, shape))
 
     def _held(self, command: Command) -> bool:
-        return any(profile.buttons.get(command.value, -1) in stick.buttons for stick, profile in self._sticks)
+        driven = self._roles.in_use
+        return any(profile.buttons.get(command.value, -1) in stick.buttons for stick, profile in driven)
 
     def _command(self, press: Press) -> Command | None:
         if press.key is not None:
             return KEY_COMMANDS.get(press.key)
-        for stick, profile in self._sticks:
+        for stick, profile in self._roles.in_use:
             if stick is press.stick:
                 names = {number: name for name, number in profile.buttons.items()}
                 return Command.by_name(names[press.button]) if press.button in names else None

@@ -5,6 +5,7 @@ The keyboard: arrows or WASD drive, other keys ask for things. Codes are SDL's, 
 Keys for a drive without a person at the wheel: pause, camera, help, end.
 """
 
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -13,7 +14,8 @@ from typing import Any
 from carlaloc_env.core.errors import DeviceError, MissingDependencyError
 from recorder.devices.base import Command
 
-_STIRRED = 0.02
+_STIRRED, _MOVED = 0.02, 0.2
+"""Changes of a raw value: after which it is believed, and by which a person moves it."""
 
 
 @dataclass(slots=True, eq=False)
@@ -38,6 +40,28 @@ class Stick:
     """Whether the value of an axis can be believed."""
     buttons: set[int] = field(default_factory=set)
     """Buttons held down."""
+    seen: dict[int, tuple[float, float]] = field(default_factory=dict)
+    """Least and greatest value of every axis that has moved."""
+
+    def follow(self, number: int, value: float) -> None:
+        """Note that an axis has moved."""
+        before, was_known = self.raw[number], self.known[number]
+        self.raw[number] = value
+        self.known[number] |= abs(value - before) > _STIRRED
+        if self.known[number]:
+            first = before if was_known else value
+            low, high = self.seen.get(number, (first, first))
+            self.seen[number] = min(low, value), max(high, value)
+
+    def was_moved(self, number: int) -> bool:
+        """Whether a person has moved an axis."""
+        low, high = self.seen.get(number, (0.0, 0.0))
+        return high - low > _MOVED
+
+    def was_near(self, number: int, value: float, within: float) -> bool:
+        """Whether an axis was seen near a value, or on both sides of it."""
+        low, high = self.seen.get(number, (math.inf, -math.inf))
+        return low - within <= value <= high + within
 
     def axis(self, number: int) -> float | None:
         """Raw value of an axis, None while it is unknown or where there is no such axis."""
@@ -161,8 +185,7 @@ class Inputs:
         elif event.type == hat:
             self.presses.append(Press(stick=stick, hat=event.value))
         elif event.axis < len(stick.raw):
-            stick.known[event.axis] |= abs(event.value - stick.raw[event.axis]) > _STIRRED
-            stick.raw[event.axis] = float(event.value)
+            stick.follow(event.axis, float(event.value))
 
     def _add(self, index: int) -> None:
         try:

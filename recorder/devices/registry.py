@@ -13,13 +13,14 @@ from recorder.devices.scripted.driver import ScriptedDriver
 _LOG = logging.getLogger(__name__)
 
 
-def open_device(name: str, seed: int, *, window: bool = False) -> Device:
+def open_device(name: str, seed: int, *, window: bool = False, preferred: str | None = None) -> Device:
     """Device of a name.
 
     Args:
         name: Its name, e.g. ``scripted``.
         seed: Seed for devices that are driven by the program.
         window: Whether a window shows the drive; no person drives without.
+        preferred: USB id of the wheel or pad that steers, where several could.
 
     Raises:
         DeviceError: there is no such device, or it is not connected.
@@ -38,7 +39,7 @@ def open_device(name: str, seed: int, *, window: bool = False) -> Device:
         )
     inputs = Inputs(window=window)
     try:
-        return HumanDevice(name, inputs, known_profiles())
+        return HumanDevice(name, inputs, known_profiles(), preferred=preferred)
     except Exception:
         inputs.close()
         raise

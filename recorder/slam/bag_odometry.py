@@ -1,18 +1,22 @@
 """LiDAR odometry over the point clouds of a bag, which need not lie in a dataset."""
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
+import numpy as np
+from numpy.typing import NDArray
+
 from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError, unknown_name
+from recorder.dataset.clouds import thinned
 from recorder.dataset.readings import faults_of_foreign
 from recorder.dataset.scans import Progress, Scan, ScanTimes, read_scans
 from recorder.evaluation.trajectory import Trajectory
-from recorder.slam.system import MIDDLE, FrameClock, trajectory_of
+from recorder.slam.system import MIDDLE, FrameClock, StampedPose, trajectory_of
 from recorder.slam.systems import SYSTEMS
 
 _LOG = logging.getLogger(__name__)
@@ -23,13 +27,17 @@ METHODS = {name: name for name, system in SYSTEMS.items() if system.needs == ("l
 """Names on the command line, and the systems that they mean: those that need nothing but sweeps."""
 
 
+_TRAVELLED_M, _STILL_SHARE, _TURNED_RAD = 1.0, 0.4, 0.2
+"""Least way of clouds [m], and greatest share and turn of the estimate, by which clouds look registered."""
+
+
 @dataclass(slots=True)
 class BagScans:
     """Sweeps of one topic of a bag, as runners of systems read them.
 
     Args:
         bag: A bag as `open_bag` takes it.
-        topic: Topic of the point clouds; None: the only one.
+        topic: Topic of the point clouds; None: as `read_scans` chooses.
         times: Settings of the times of points.
         progress: Called after every scan.
     """
@@ -42,6 +50,8 @@ class BagScans:
     """Times of the first points of the scans that were read [ns]."""
     spans_s: list[float] = field(default_factory=list, init=False)
     """Times of their last points after that [s]."""
+    middles_m: list[NDArray[np.float64]] = field(default_factory=list, init=False)
+    """Medians of their points [m], each of shape (3,)."""
 
     def scans(self) -> Iterator[Scan]:
         """All sweeps that have points.
@@ -54,6 +64,7 @@ class BagScans:
             if len(scan.points_xyz_m):
                 self.stamps_ns.append(scan.stamp_ns)
                 self.spans_s.append(float(scan.time_s.max()))
+                self.middles_m.append(np.median(thinned(scan.points_xyz_m), axis=0))
                 yield scan
             self.progress(number, count)
         if empty := number - len(self.stamps_ns):
@@ -94,7 +105,8 @@ def run_odometry(
     Args:
         bag: A file of ROS 1, MCAP or SQLite, or the folder of a bag of ROS 2.
         method: Name of one of `METHODS`.
-        topic: Topic of the point clouds; None: ``/lidar/points`` if it is there, else the only one.
+        topic: Topic of the point clouds, as in `read_scans`; None: that of our bags, else the only one that
+            looks like a LiDAR's.
         progress: Called after every scan with the scans done and their total.
         times: Settings of the times of points; None: as the clouds show them.
 
@@ -114,4 +126,19 @@ def run_odometry(
     source = BagScans(bag, topic, times or ScanTimes(), progress)
     found = list(getattr(import_module(module), function)(source, FrameClock()))
     offset_ns = round((system.instant if source.has_times else MIDDLE) * source.sweep_s * 1e9)
+    _warn_of_registered(source, found)
     return trajectory_of(found, offset_ns, method)
+
+
+def _warn_of_registered(source: BagScans, poses: Sequence[StampedPose]) -> None:
+    """Report clouds that travel while the estimate stays: they are in a fixed frame already."""
+    some = max(1, len(source.middles_m) // 10)
+    first, last = (np.mean(part, axis=0) for part in (source.middles_m[:some], source.middles_m[-some:]))
+    travelled_m = float(np.linalg.norm(last - first))
+    T = np.linalg.inv(poses[0][1]) @ poses[-1][1]
+    moved_m, is_turned = float(np.linalg.norm(T[:3, 3])), np.trace(T[:3, :3]) < 1 + 2 * np.cos(_TURNED_RAD)
+    if travelled_m > _TRAVELLED_M and moved_m < _STILL_SHARE * travelled_m and not is_turned:
+        _LOG.warning(
+            "%s: clouds travel by %.1f m while the estimate moves by %.1f m: they look registered already; "
+            "--topic names the sensor's own", source.bag, travelled_m, moved_m,
+        )  # fmt: skip

@@ -12,12 +12,13 @@ from rosbags.interfaces import Connection
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import DepthImage, Image, Imu, PointCloud, Sample
+from recorder.dataset.clouds import cloud_of_draco, cloud_of_fields
 from recorder.dataset.layout import DriveFolder
 from recorder.dataset.readings import imu_faults, imu_sample, open_bag, topic_of
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.writers.calibration.files import EXTRINSICS
-from recorder.writers.ros.sensor_messages import DRACO_FIELDS, depth_of_png, draco
+from recorder.writers.ros.sensor_messages import depth_of_png
 from recorder.writers.topics import TopicProfile
 
 FRAMES = 5
@@ -29,8 +30,6 @@ FITTING_SHARE = 0.6
 _CLOUDS = ("points_labelled", "points", "cloud_draco")
 _DEPTHS = ("image_32fc1", "depth_png")
 """Encoders of messages that are compared, see `messages.ENCODERS`."""
-_GENERIC = 4
-"""Draco's type of attributes without a standard meaning."""
 
 
 def extrinsics_of(drive: DriveFolder) -> dict[str, Array]:
@@ -107,23 +106,9 @@ def _depth_of(image: Any) -> Any:
 
 def _points_of(cloud: Any) -> tuple[Array, Any]:
     """Points [m] of a plain or a Draco cloud, (N, 3), and their times after the stamp [ns], (N,)."""
-    if hasattr(cloud, "format"):
-        found = draco().decode(cloud.data.tobytes())
-        times = DRACO_FIELDS.index("time_us")
-        generic = {a["unique_id"]: a["data"] for a in found.attributes if a["attribute_type"] == _GENERIC}
-        after_us = generic[sorted(generic)[times]].ravel()
-        return np.asarray(found.points, float), after_us.astype(np.int64) * 1000
-    offsets = {field.name: field.offset for field in cloud.fields}
-    names = ["x", "y", "z", "time"]
-    layout: Any = {
-        "names": names,
-        "formats": ["<f4"] * 4,
-        "offsets": [offsets[name] for name in names],
-        "itemsize": cloud.point_step,
-    }
-    rows = np.frombuffer(cloud.data.tobytes(), np.dtype(layout))
-    after_ns = np.round(rows["time"].astype(float) * 1e9).astype(np.int64)
-    return np.stack([rows[axis] for axis in "xyz"], axis=1).astype(float), after_ns
+    found = cloud_of_draco(cloud) if hasattr(cloud, "format") else cloud_of_fields(cloud)
+    after_ns = np.round(found.times["time"].astype(float) * 1e9).astype(np.int64)
+    return found.points_xyz_m, after_ns
 
 
 def _in_camera(

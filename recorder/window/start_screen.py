@@ -17,9 +17,9 @@ from carlaloc_env.core.files.array_cache import default_cache_dir
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.weather.parameters import PRESETS
-from recorder.devices.base import DEVICES, Command
+from recorder.devices.base import DEVICES, HUMAN, Command
 from recorder.devices.inputs import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT, Inputs, Press
-from recorder.devices.profile import DeviceProfile, known_profiles, match_profile
+from recorder.devices.profile import StickRoles, known_profiles
 from recorder.window.hud import AMBER, BLUE, DARK, WHITE, Lettering
 from recorder.window.window import Window
 
@@ -149,7 +149,8 @@ class StartScreen:
     def __init__(self, window: Window, inputs: Inputs, choice: DriveChoice) -> None:
         self._window, self._inputs = window, inputs
         self.choice = choice
-        self._profiles: list[DeviceProfile] = known_profiles()
+        profiles = known_profiles()
+        self._roles = {device: StickRoles(device, profiles, inputs) for device in HUMAN}
         files = {name: path.with_name("town.toml") for name, path in known_towns().items()}
         towns = {
             name: TownConfig.from_toml(file).description if file.exists() else ""
@@ -184,18 +185,31 @@ class StartScreen:
             DeviceError: as `run`.
         """
         self._inputs.pump()
+        for roles in self._roles.values():
+            roles.update(self._inputs.lost, self._inputs.gained)
         asked = [KEY_COMMANDS.get(press.key or 0) for press in self._inputs.presses]
         if self._inputs.closed or Command.QUIT in asked:
             raise DeviceError(CLOSED_EARLY)
         for press in self._inputs.presses:
             if press.key in _ENTER or press.button == _CONFIRM_BUTTON:
-                if self._connected(self.choice.device):
+                device = self.choice.device
+                if device in HUMAN and press.stick is not None:
+                    self._roles[device].choose(press.stick)
+                question = self._roles[device].question if device in HUMAN else ""
+                if self._connected(device) and not question:
                     return True
-                self._warning = f"no {self.choice.device} is connected: plug it in, or choose another device"
+                lacking = f"no {device} is connected: plug it in, or choose another device"
+                self._warning = question or lacking
             else:
                 self._step(*_direction(press))
         self._window.paint(self._draw)
         return False
+
+    @property
+    def preferred(self) -> str | None:
+        """USB id of the stick that steers; None: there is none."""
+        steering = self._roles[self.choice.device].of("steer") if self.choice.device in HUMAN else None
+        return steering[0].usb if steering else None
 
     def _step(self, right: int, up: int) -> None:
         self._row = (self._row - up) % len(self._options)
@@ -207,13 +221,11 @@ class StartScreen:
             self._warning = ""
 
     def _connected(self, device: str) -> str:
-        """Name of what is connected of a device; empty where nothing is."""
+        """Name of what is connected of a device, or which one is asked for; empty where nothing is."""
         if device in _ALWAYS_THERE:
             return _ALWAYS_THERE[device]
-        for stick in self._inputs:
-            if match_profile(stick.usb, stick.name, self._profiles, (device,), len(stick.raw)):
-                return stick.name
-        return ""
+        steering = self._roles[device].of("steer")
+        return self._roles[device].question or (steering[0].name if steering else "")
 
     def _draw(self, pygame: Any, surface: Any) -> None:
         width, height = surface.get_size()

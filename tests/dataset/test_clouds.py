@@ -149,3 +149,84 @@ def test_livox_points_of_another_layout_are_refused(tmp_path: Path) -> None:
     message = store.types[kind](header=clouds._header(store, 0), points=[])
     with pytest.raises(EvaluationError, match="points of x, y, z, which are not the driver's"):
         list(read_scans(clouds.write_ros1(tmp_path / "a.bag", store, {TOPIC: [message]})))
+
+
+def rows_of(fields: str, points: Any, **columns: float) -> Any:
+    """Rows of single-precision fields, of which x, y, z are given."""
+    rows = np.zeros(len(points), [(name, "<f4") for name in fields.split()])
+    for name, values in {**dict(zip("xyz", np.transpose(points), strict=True)), **columns}.items():
+        rows[name] = values
+    return rows
+
+
+def at(number: int, rows: Any, frame: str = "lidar", period_ns: int = clouds.SWEEP_NS) -> Any:
+    message = message_of(STORE, rows, clouds.DEFAULT_EPOCH_NS + number * period_ns, Dressing())
+    return replace(message, header=replace(message.header, frame_id=frame))
+
+
+SOME = np.random.default_rng(3).uniform(-20, 20, (3000, 3))
+GRID = np.stack(np.meshgrid(np.arange(60) * 0.1, np.arange(60) * 0.1, np.arange(3) * 0.1), axis=-1)
+AHEAD = np.array([4.0, 0.0, 0.0])
+LEFT, RIGHT = SOME + AHEAD, SOME - AHEAD
+ODD: dict[str, tuple[Any, str]] = {
+    "registered": (
+        lambda k: at(k, rows_of("x y z", SOME), "/robot/odom"),
+        "'robot/odom' moves with no",
+    ),
+    "boxes": (lambda k: at(k, rows_of("x y z length width heading", SOME)), "boxes of objects"),
+    "radar": (lambda k: at(k, rows_of("x y z velocity", SOME[:300])), r"a radar \(velocity, 300 points\)"),
+    "few": (lambda k: at(k, rows_of("x y z", SOME[:40])), "have 40 points"),
+    "costs": (lambda k: at(k, rows_of("x y z total_cost", SOME)), r"costs \(total_cost\)"),
+    "plane": (lambda k: at(k, rows_of("x y z", SOME * [1, 1, 0])), "one plane"),
+    "grid": (lambda k: at(k, rows_of("x y z", GRID.reshape(-1, 3) + 0.05)), "cells of a grid"),
+    "camera": (lambda k: at(k, rows_of("x y z rgb", SOME)), "camera's coloured points"),
+    "far": (lambda k: at(k, rows_of("x y z", SOME + 1e6 * AHEAD)), "4000 km away"),
+    "near": (lambda k: at(k, rows_of("x y z", SOME / 100)), "within 0.4 m"),
+    "seldom": (lambda k: at(k, rows_of("x y z", SOME), period_ns=5 * 10**9), "a cloud every 5.0 s"),
+    "by turns": (lambda k: at(k, rows_of("x y z", RIGHT if k % 2 else LEFT)), "two sensors of one frame"),
+    "at once": (lambda k: at(k // 2, rows_of("x y z", SOME)), "two sensors of one frame"),
+}
+"""Clouds of other things than one LiDAR, and the words that name them."""
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_a_topic_is_a_lidars_only_if_its_clouds_look_like_sweeps(
+    tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    make, words = ODD[kind]
+    odd, sweeps = [make(k) for k in range(12)], [dressed(STORE, k, Dressing()) for k in range(3)]
+    alone = clouds.write_ros1(tmp_path / "alone.bag", STORE, {"/odd": odd})
+    with pytest.raises(EvaluationError, match=f"--topic takes one even so .*{words}"):
+        list(read_scans(alone))
+    assert len(list(read_scans(alone, "/odd"))) == 12
+    assert "/odd is read as asked for, but" in caplog.text
+    both = clouds.write_ros1(tmp_path / "both.bag", STORE, {"/odd": odd, "/os1/points": sweeps})
+    assert len(list(read_scans(both))) == 3
+    assert "/os1/points is read, --topic names another (/odd: " in caplog.text
+
+
+def test_of_two_sensors_on_a_topic_one_is_chosen_by_its_frame(tmp_path: Path) -> None:
+    made = [at(k, rows_of("x y z", RIGHT if k % 2 else LEFT), "right" if k % 2 else "left") for k in range(8)]
+    path = clouds.write_ros1(tmp_path / "a.bag", STORE, {"/points": made})
+    for topic in (None, "/points"):
+        with pytest.raises(EvaluationError, match="--topic /points:left or /points:right"):
+            list(read_scans(path, topic))
+    found = [scan.points_xyz_m[:, 0].mean() for _, scan in read_scans(path, "/points:right")]
+    assert found == pytest.approx([RIGHT[:, 0].mean()] * 4, abs=1e-3)
+
+
+def test_clouds_that_cannot_be_unpacked_are_named_with_the_tool(tmp_path: Path) -> None:
+    """Beside a radar, which must not take their place."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kind = "point_cloud_interfaces/msg/CompressedPointCloud2"
+    store.register(get_types_from_msg("std_msgs/Header header\nuint8[] data\nstring format\n", kind))
+    packed = [
+        store.types[kind](header=at(k, ROWS).header, data=np.zeros(9, np.uint8), format="cloudini/lossy/zstd")
+        for k in range(3)
+    ]
+    radar = [at(k, rows_of("x y z rcs", SOME[:50])) for k in range(3)]
+    path = clouds.write_ros1(tmp_path / "a.bag", store, {"/packed": packed, "/radar": radar})
+    with pytest.raises(EvaluationError, match=r"by cloudini/lossy/zstd; .*_rosbag_converter; /radar: "):
+        list(read_scans(path))
+    with pytest.raises(EvaluationError, match="cloudini_rosbag_converter"):
+        list(read_scans(path, "/packed"))

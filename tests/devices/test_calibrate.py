@@ -86,3 +86,25 @@ def test_a_device_without_axes_is_refused(inputs: Inputs, tmp_path: Path, plug: 
         inputs.pump()
         with pytest.raises(DeviceError, match="no axis to steer with"):
             calibrate("gamepad", ask=print, inputs=inputs, folder=tmp_path)
+
+
+def test_of_two_devices_the_one_that_is_turned_is_calibrated(
+    inputs: Inputs, tmp_path: Path, plug: Plug
+) -> None:
+    """A wheel's base need not have a button."""
+    other, base = plug(GAMEPAD, 4, 9, 0, "Box", (1, 1)), plug(GAMEPAD, 4, 0, 0, "Base", (1, 2))
+    inputs.pump()
+    lines: list[str] = []
+
+    def person(line: str) -> None:
+        lines.append(line)
+        if "2 devices are connected" in line:
+            base.axis(0, 0.05)
+            inputs.pump()
+            base.axis(0, 0.6)
+        elif "Turn fully" in line:
+            raise KeyboardInterrupt
+
+    with other, base, pytest.raises(KeyboardInterrupt):
+        calibrate("wheel", ask=person, inputs=inputs, folder=tmp_path)
+    assert lines[1].startswith("Base (0001:0002)")

@@ -16,7 +16,7 @@ from carlaloc_env.driving.road_ahead import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.routing.route import Route
 from recorder.devices.base import Command
-from recorder.devices.human import HumanDevice
+from recorder.devices.human import HumanDevice, wheel_steer
 from recorder.devices.inputs import Inputs
 from recorder.devices.profile import known_profiles, read_profile
 
@@ -85,6 +85,8 @@ def test_unplugging_brakes_gently_and_plugging_in_goes_on(
     inputs.pump()
     device = HumanDevice("wheel", inputs, PROFILES)
     stick.axis(0, -0.3)
+    stick.axis(2, 0.99)
+    device.poll()
     stick.axis(2, -0.5)
     before = run(device, view(straight_route, 10.0), 1.0)
     assert before[-1][1] > 0.5
@@ -143,7 +145,8 @@ def test_pedals_of_their_own_go_before_the_wheels(inputs: Inputs, straight_route
         device = HumanDevice("wheel", inputs, [*PROFILES, pedals])
         stick.axis(2, -1.0)
         stick.axis(0, -0.1)
-        feet.axis(1, 0.0)
+        feet.axis(1, -1.0)
+        device.poll()
         feet.axis(1, -0.1)
         steer, throttle, _ = run(device, view(straight_route), 1.0)[-1]
         assert throttle == pytest.approx((0.45 - 0.03) / 0.95, abs=0.01)
@@ -185,10 +188,10 @@ def test_pads_of_any_kind_drive(
         assert "is read as 'generic gamepad" in caplog.text
         assert "--calibrate" in caplog.text
         for axis, value in moved.items():
-            # SDL names an axis only when it moves.
-            stick.axis(axis, 0.5)
-            device.poll()
-            stick.axis(axis, value)
+            # SDL names an axis only when it moves, and a trigger acts after it was at rest.
+            for raw in (0.5, -1.0 if axes == 6 and axis else 0.0, value):
+                stick.axis(axis, raw)
+                device.poll()
         for button in pressed:
             stick.button(button, True)
         assert "is read as" in (device.message or "")
@@ -201,6 +204,8 @@ def test_combined_pedals_of_a_wheel_drive(inputs: Inputs, straight_route: Route,
         inputs.pump()
         device = HumanDevice("wheel", inputs, known_profiles(Path("/nonexistent")))
         stick.axis(0, 0.1)
+        stick.axis(1, 0.05)
+        device.poll()
         for value, expected in ((-1.0, (1.0, 0.0)), (1.0, (0.0, 1.0)), (0.0, (0.0, 0.0))):
             stick.axis(1, value)
             assert run(device, view(straight_route), 1.0)[-1][1:] == pytest.approx(expected, abs=1e-3)
@@ -234,6 +239,97 @@ def test_a_stick_without_axes_is_no_wheel(inputs: Inputs, plug: Plug) -> None:
         inputs.pump()
         with pytest.raises(DeviceError, match=r"no wheel is connected; .* has no axis to steer with"):
             HumanDevice("wheel", inputs, known_profiles(Path("/nonexistent")))
+
+
+G29, STEAM_PAD, PEDALS = (0x046D, 0xC24F), (0x28DE, 0x11FF), (0x1DD2, 0x100C)
+"""USB ids of a known wheel, and of devices that no profile names."""
+
+
+@pytest.mark.parametrize("pad_first", [True, False])
+def test_the_wheel_whose_usb_id_is_known_drives_beside_a_pad(
+    inputs: Inputs, straight_route: Route, plug: Plug, pad_first: bool
+) -> None:
+    """Steam plugs in a pad of its own, which must not take the place of the wheel's pedals."""
+    made = {}
+    for name in ("pad", "wheel") if pad_first else ("wheel", "pad"):
+        pad = ("Microsoft X-Box 360 pad 0", STEAM_PAD)
+        made[name] = plug(GAMEPAD, 6, 11, 0, *pad) if name == "pad" else plug(WHEEL, 4, 25, 0, "G29", G29)
+    with made["pad"] as pad, made["wheel"] as wheel:
+        inputs.pump()
+        device = HumanDevice("wheel", inputs, known_profiles(Path("/nonexistent")))
+        assert device.name == "wheel: Logitech G29 (046d:c24f)"
+        wheel.axis(0, -0.2)
+        wheel.axis(2, 1.0)
+        device.poll()
+        wheel.axis(2, -1.0)
+        steer, throttle, _ = run(device, view(straight_route), 1.0)[-1]
+        pad.axis(0, -1.0)
+        pad.button(0, True)
+        device.poll()
+        assert not device.read(view(straight_route)).handbrake
+        assert run(device, view(straight_route), 1.0)[-1] == pytest.approx((steer, throttle, 0.0), abs=1e-3)
+    assert throttle == pytest.approx(1.0, abs=1e-3)
+    assert steer == pytest.approx(wheel_steer(0.2, 900.0, VehicleParams()), abs=1e-3)
+
+
+def test_of_several_devices_the_one_that_moves_steers(
+    inputs: Inputs, straight_route: Route, plug: Plug, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A shifter is no wheel because it was plugged in first; its gear holds a button down."""
+    names = {"H Shifter": (0x16C0, 0x05E1), "Pedal Set Pro": PEDALS, "Base 15": (0x1FC9, 0x82A1)}
+    shifter, feet, base = (plug(WHEEL, 8, 16, 0, name, usb) for name, usb in names.items())
+    with shifter, feet, base:
+        inputs.pump()
+        device = HumanDevice("wheel", inputs, known_profiles(Path("/nonexistent")))
+        question = "several devices may be the wheel (H Shifter, Base 15): turn the one that steers"
+        assert device.message == question
+        assert question in caplog.text
+        shifter.button(0, True)
+        assert run(device, view(straight_route), 0.1)[-1] == (0.0, 0.0, 0.0)
+        for raw in (0.05, -0.3):
+            base.axis(0, raw)
+            device.poll()
+        feet.axis(0, -1.0)
+        device.poll()
+        feet.axis(0, 1.0)
+        steer, throttle, _ = run(device, view(straight_route), 1.0)[-1]
+        assert steer == pytest.approx(wheel_steer(0.3, 900.0, VehicleParams()), abs=1e-3)
+        assert throttle == pytest.approx(1.0, abs=1e-3)
+        assert device.message is None
+        assert not device.read(view(straight_route)).handbrake
+        for raw in (0.05, -1.0):
+            shifter.axis(0, raw)
+            device.poll()
+        assert run(device, view(straight_route), 1.0)[-1][0] == pytest.approx(steer, abs=1e-3)
+        base.unplug()
+        assert run(device, view(straight_route), 2.0)[-1][2] > 0.2, "the shifter, moved before, takes over"
+
+
+def test_a_preferred_device_steers_at_once(inputs: Inputs, straight_route: Route, plug: Plug) -> None:
+    first, second = (plug(WHEEL, 4, 9, 0, name, (1, k)) for k, name in enumerate(("One", "Two")))
+    with first, second:
+        inputs.pump()
+        device = HumanDevice("wheel", inputs, known_profiles(Path("/nonexistent")), preferred="0001:0001")
+        second.axis(0, -0.1)
+        assert run(device, view(straight_route), 1.0)[-1][0] > 0.05
+
+
+def test_a_pedal_that_was_never_at_rest_does_not_act(
+    inputs: Inputs, straight_route: Route, plug: Plug
+) -> None:
+    """An axis of another scale rests in the middle of what the profile takes for the pedal's travel."""
+    with plug() as stick:
+        inputs.pump()
+        device = HumanDevice("wheel", inputs, PROFILES)
+        stick.axis(0, 0.1)
+        for raw in (0.5, -0.5, 0.5, -0.5):
+            stick.axis(2, raw)
+            assert run(device, view(straight_route), 0.2)[-1][1] == 0.0
+        assert "let go of the throttle" in (device.message or "")
+        stick.axis(2, 0.95)
+        device.poll()
+        stick.axis(2, -0.5)
+        assert run(device, view(straight_route), 1.0)[-1][1] == pytest.approx((0.75 - 0.03) / 0.95, abs=1e-2)
 
 
 @pytest.mark.soak

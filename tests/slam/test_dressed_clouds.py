@@ -12,9 +12,11 @@ from shared_fixtures.readings import dressed_clouds as clouds
 from shared_fixtures.readings.dressed_clouds import SWEEPS, TOPIC, Dressing, dressed
 from shared_fixtures.readings.slam_dataset import SWEEP_NS, pose
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.trajectory import Trajectory
-from recorder.slam.bag_odometry import run_odometry
+from recorder.slam import bag_odometry
+from recorder.slam.bag_odometry import BagScans, run_odometry
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 NOW = DEFAULT_EPOCH_NS
@@ -151,3 +153,19 @@ def test_a_sweep_shorter_than_the_interval_ends_with_its_last_point(tmp_path: Pa
     got = run_odometry(clouds.write_ros1(tmp_path / "a.bag", store, {TOPIC: found}), "kiss_icp")
     want = [NOW + k * SWEEP_NS + END for k in range(0, SWEEPS, 2)]
     np.testing.assert_allclose(got.stamp_ns, want, rtol=0, atol=1000)
+
+
+@pytest.mark.parametrize(
+    ("moved_m", "turned_rad", "is_told"), [(0.3, 0.0, True), (2.4, 0.0, False), (0.3, 0.5, False)]
+)
+def test_clouds_that_travel_while_the_estimate_stays_are_reported(
+    moved_m: float, turned_rad: float, is_told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A car that turns on the spot sees its surroundings move round it."""
+    source = BagScans(Path("run.bag"), None)
+    source.middles_m.extend(np.array([0.2 * k, 1.0, 0.0]) for k in range(12))
+    last = np.eye(4)
+    last[:3, :3] = transforms.quat_to_matrix(transforms.rpy_to_quat(0.0, 0.0, turned_rad))
+    last[0, 3] = moved_m
+    bag_odometry._warn_of_registered(source, [(0, np.eye(4)), (1, last)])
+    assert ("clouds travel by 2.2 m while the estimate moves by 0.3 m" in caplog.text) == is_told

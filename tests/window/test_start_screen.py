@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shared_fixtures.drives.sticks import GAMEPAD
+from shared_fixtures.drives.sticks import GAMEPAD, WHEEL
 
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.town.sources import known_towns
@@ -68,6 +68,23 @@ def test_a_drive_is_chosen_by_pad(
     amber = [int(((line[..., 0] > 200) & (line[..., 2] < 90)).sum()) for line in lines]
     assert amber[0] > 100
     assert amber[1] == 0
+
+
+def test_of_several_wheels_the_one_that_is_turned_is_taken(
+    window: Window, inputs: Inputs, plug: Callable[..., Any]
+) -> None:
+    first, second = (plug(WHEEL, 4, 9, 0, name, (1, k)) for k, name in enumerate(("H Shifter", "Base")))
+    with first, second:
+        inputs.pump()
+        screen = StartScreen(window, inputs, DriveChoice(device="wheel", **FIRST))
+        press(pygame.K_RETURN)
+        assert not screen.update(), "nothing was turned yet"
+        for raw in (0.05, -0.3):
+            second.axis(0, raw)
+            assert not screen.update()
+        press(pygame.K_RETURN)
+        assert screen.run().device == "wheel"
+        assert screen.preferred == "0001:0001"
 
 
 @pytest.mark.parametrize("event", ["QUIT", "KEYDOWN"])

@@ -18,7 +18,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", type=input_path, help="bag with point clouds: .bag, .mcap, .db3, or a folder")
     parser.add_argument("--out", type=OutputFile(".tum", ".txt"), required=True, help="TUM file to write")
     parser.add_argument("--method", default="kiss_icp", help="kiss_icp, genz_icp or gicp (default: kiss_icp)")
-    parser.add_argument("--topic", help="topic of the clouds (default: /lidar/points, else the only one)")
+    parser.add_argument(
+        "--topic",
+        help="topic of the clouds, or TOPIC:FRAME where sensors share it (default: /lidar/points, else the "
+        "only one that looks like a LiDAR's)",
+    )
     parser.add_argument(
         "--time-field", metavar="NAME", help="field with the times of points, or none (default: by its name)"
     )

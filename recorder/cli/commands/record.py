@@ -90,16 +90,16 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.out is None:
         raise UsageError("--out is required, e.g. --out drive.mcap")
     with ExitStack() as stack:
-        opening = None
+        opening, preferred = None, None
         if _chooses(arguments):
-            _choose(arguments, stack)
+            preferred = _choose(arguments, stack)
         if wants_window(arguments.device, arguments.window):
             from recorder.window.start_screen import Opening
 
             # Open before the rest is loaded, which takes seconds.
             opening = stack.enter_context(Opening(arguments.map or _TOWN))
             opening.run("starting", lambda: import_module("recorder.drive.record"))
-        return _record(arguments, opening)
+        return _record(arguments, opening, preferred)
 
 
 def _chooses(arguments: argparse.Namespace) -> bool:
@@ -114,8 +114,8 @@ def _chooses(arguments: argparse.Namespace) -> bool:
     return arguments.device in HUMAN and wants_window(arguments.device, arguments.window) and is_open and seen
 
 
-def _choose(arguments: argparse.Namespace, stack: ExitStack) -> None:
-    """Let the driver choose, in the window of the drive."""
+def _choose(arguments: argparse.Namespace, stack: ExitStack) -> str | None:
+    """Let the driver choose, in the window of the drive; the USB id of the device that steers."""
     from recorder.window.window import Window
 
     window = Window("CarlaLoc")
@@ -131,11 +131,15 @@ def _choose(arguments: argparse.Namespace, stack: ExitStack) -> None:
     )
     inputs = Inputs(window=True)
     stack.callback(inputs.close)
-    vars(arguments).update(asdict(StartScreen(window, inputs, preset).run()), window=True)
+    screen = StartScreen(window, inputs, preset)
+    vars(arguments).update(asdict(screen.run()), window=True)
+    preferred = screen.preferred
     inputs.close()
+    return preferred
 
 
-def _record(arguments: argparse.Namespace, opening: Opening | None) -> dict[str, Any]:
+def _record(arguments: argparse.Namespace, opening: Opening | None, preferred: str | None) -> dict[str, Any]:
+    from recorder.devices.registry import open_device
     from recorder.drive.record import RecordConfig, record
 
     config = config_of(
@@ -149,7 +153,9 @@ def _record(arguments: argparse.Namespace, opening: Opening | None) -> dict[str,
         def report(driven_s: float, route_m: float) -> None:
             progress.update(driven_s, arguments.duration, f"{route_m:.0f} m")
 
-        result = record(config, progress=report, opening=opening)
+        # `record` opens the device by its name alone.
+        chosen = preferred and open_device(config.device, config.seed, window=True, preferred=preferred)
+        result = record(config, device=chosen or None, progress=report, opening=opening)
     files = {"attempts": [str(p) for p in result.attempts], "photos": [str(p) for p in result.photos]}
     return {**asdict(result), "path": str(result.path), **files}
 

@@ -198,7 +198,7 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]]
     "can_wheels": ("can_msgs/msg/Frame", can_frame("WHEEL_SPEEDS")),
     "can_pedals": ("can_msgs/msg/Frame", can_frame("PEDALS")),
     "objects": ("derived_object_msgs/msg/ObjectArray", objects),
-    "object_table": ("sensor_msgs/msg/PointCloud2", sensor_messages.object_table),
+    "object_table": ("sensor_msgs/msg/PointCloud", sensor_messages.object_table),
     "image_instances": (
         "sensor_msgs/msg/Image",
         image_encoder("32SC1", lambda s: s.instance.astype(np.int32)),

@@ -91,14 +91,13 @@ _RADAR_DTYPE = np.dtype(
     ]
 )
 """Detections: metres, m/s (positive = moving away), dB, dBsm, radians; label, id and origin are truth."""
-_OBJECT_DTYPE = np.dtype(
-    [
-        ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("length", "<f4"), ("width", "<f4"), ("height", "<f4"),
-        ("heading", "<f4"), ("pitch", "<f4"), ("roll", "<f4"), ("vx", "<f4"), ("vy", "<f4"), ("vz", "<f4"),
-        ("yaw_rate", "<f4"), ("visible", "<f4"), ("distance", "<f4"), ("label", "u1"), ("id", "<u4"),
-    ]
+
+
+_OBJECT_COLUMNS = (
+    "length", "width", "height", "heading", "pitch", "roll", "vx", "vy", "vz", "yaw_rate", "visible",
+    "distance", "label", "id",
 )  # fmt: skip
-"""True objects, world frame: metres, radians, m/s, rad/s; visible 0–1 or NaN."""
+"""Of true objects, world frame: metres, radians, m/s, rad/s; visible 0–1 or NaN."""
 
 
 def points(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
@@ -165,20 +164,22 @@ def radar_scan(maker: MessageParts, header: Message, sample: RadarScan) -> Messa
 
 
 def object_table(maker: MessageParts, header: Message, sample: ObjectList) -> Message:
-    """Boxes, velocities and visibility of true objects."""
-    rows = np.zeros(len(sample.id), dtype=_OBJECT_DTYPE)
-    for names, values in (
-        (("x", "y", "z"), sample.position_m),
-        (("length", "width", "height"), sample.size_m),
-        (("vx", "vy", "vz"), sample.velocity_mps),
-    ):
-        for axis, name in enumerate(names):
-            rows[name] = values[:, axis]
-    rows["heading"], rows["pitch"], rows["roll"] = sample.heading_rad, sample.pitch_rad, sample.roll_rad
-    rows["yaw_rate"] = sample.yaw_rate_radps
-    rows["visible"], rows["distance"] = sample.visible, sample.distance_m
-    rows["label"], rows["id"] = sample.tag, sample.id
-    return maker.table(header, rows)
+    """Boxes, velocities and visibility of true objects; no reader takes this type for a LiDAR's clouds.
+
+    Ids are below 2^24, so that single precision holds them.
+    """
+    angles = np.stack([sample.heading_rad, sample.pitch_rad, sample.roll_rad], axis=1)
+    others = (sample.yaw_rate_radps, sample.visible, sample.distance_m, sample.tag, sample.id)
+    columns = np.column_stack([sample.size_m, angles, sample.velocity_mps, *others]).T.astype(np.float32)
+    return maker.new(
+        "sensor_msgs/PointCloud",
+        header=header,
+        points=[maker.new("geometry_msgs/Point32", x=x, y=y, z=z) for x, y, z in sample.position_m.tolist()],
+        channels=[
+            maker.new("sensor_msgs/ChannelFloat32", name=name, values=values.copy())
+            for name, values in zip(_OBJECT_COLUMNS, columns, strict=True)
+        ],
+    )
 
 
 I420 = "i420"
@@ -190,6 +191,8 @@ _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 3)
 _DRACO_BITS = 14
 DRACO_FIELDS = ("intensity", "ring", "time_us", "label", "id")
 """Generic attributes of a Draco cloud, in their order."""
+_GENERIC = 4
+"""Draco's type of attributes without a standard meaning."""
 
 
 def video(maker: MessageParts, header: Message, sample: Image) -> Message:
@@ -269,9 +272,25 @@ def cloud_draco(maker: MessageParts, header: Message, sample: PointCloud) -> Mes
     )
 
 
+def columns_of_draco(data: bytes) -> dict[str, NDArray[Any]]:
+    """Columns of a Draco cloud: x, y, z [m], and those of `DRACO_FIELDS` if it is one of ours.
+
+    Raises:
+        WriterError: the library is not installed.
+    """
+    if not data:
+        return dict.fromkeys("xyz", np.zeros(0))
+    found = draco().decode(data)
+    columns = dict(zip("xyz", np.asarray(found.points, np.float64).T, strict=True))
+    generic = {a["unique_id"]: a["data"].ravel() for a in found.attributes if a["attribute_type"] == _GENERIC}
+    if len(generic) == len(DRACO_FIELDS):
+        columns |= dict(zip(DRACO_FIELDS, (generic[number] for number in sorted(generic)), strict=True))
+    return columns
+
+
 @cache
 def draco() -> Any:
-    """The library that writes Draco.
+    """The library that writes and reads Draco.
 
     Raises:
         WriterError: it is not installed.

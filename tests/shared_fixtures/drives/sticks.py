@@ -35,12 +35,37 @@ def bundled_sdl() -> ctypes.CDLL:
     return sdl
 
 
-class VirtualStick:
-    """A plugged-in joystick, no hardware needed; pulled out at the end of a `with` block."""
+class _Described(ctypes.Structure):
+    """SDL_VirtualJoystickDesc of SDL 2.24 and later."""
 
-    def __init__(self, kind: int = WHEEL, axes: int = 4, buttons: int = 25, hats: int = 0) -> None:
+    _fields_ = (
+        *((name, ctypes.c_uint16) for name in ("version", "type", "naxes", "nbuttons", "nhats", "vendor")),
+        *((name, ctypes.c_uint16) for name in ("product", "padding")),
+        *((name, ctypes.c_uint32) for name in ("button_mask", "axis_mask")),
+        ("name", ctypes.c_char_p),
+        *((f"callback_{k}", ctypes.c_void_p) for k in range(7)),
+    )
+
+
+class VirtualStick:
+    """A plugged-in joystick, no hardware needed; pulled out at the end of a `with` block.
+
+    With a name it has that and USB ids (vendor, product), else those that SDL makes up.
+    """
+
+    def __init__(
+        self, kind: int = WHEEL, axes: int = 4, buttons: int = 25, hats: int = 0, name: str = "",
+        usb: tuple[int, int] = (0, 0),
+    ) -> None:  # fmt: skip
         self._sdl = bundled_sdl()
-        index = self._sdl.SDL_JoystickAttachVirtual(kind, axes, buttons, hats)
+        if name:
+            self._described = _Described(
+                version=1, type=kind, naxes=axes, nbuttons=buttons, nhats=hats, vendor=usb[0], product=usb[1],
+                name=name.encode(),
+            )  # fmt: skip
+            index = self._sdl.SDL_JoystickAttachVirtualEx(ctypes.byref(self._described))
+        else:
+            index = self._sdl.SDL_JoystickAttachVirtual(kind, axes, buttons, hats)
         if index < 0:
             pytest.skip("SDL cannot attach a virtual joystick here")
         self._handle = self._sdl.SDL_JoystickOpen(index)

@@ -16,6 +16,7 @@ from carlaloc_env.samples import (
     GnssFix,
     Image,
     Imu,
+    ObjectList,
     Odometry,
     PointCloud,
     Sample,
@@ -152,3 +153,15 @@ def read(path: Path) -> tuple[dict[str, tuple[str, str]], dict[str, list[tuple[i
         for connection, time_ns, data in reader.messages():
             messages[connection.topic].append((time_ns, reader.deserialize(data, connection.msgtype)))
     return types, messages
+
+
+def two_objects(stamp_ns: int = 0) -> ObjectList:
+    """A car and a walker."""
+    return ObjectList(
+        sensor="objects", frame_id="world", stamp_ns=stamp_ns, id=np.array([2**23 + 1, 2**23 + 2], np.uint32),
+        tag=np.array([14, 12], np.uint8), position_m=np.array([[1.0, 2.0, 0.7], [5.0, 6.0, 0.9]]),
+        heading_rad=np.array([np.pi / 2, 0.0]), pitch_rad=np.array([0.0, 0.0]), roll_rad=np.array([0.0, 0.0]),
+        size_m=np.array([[4.5, 1.8, 1.4], [0.6, 0.6, 1.8]]),
+        velocity_mps=np.array([[0.0, 9.0, 0.0], [1.2, 0.0, 0.0]]), yaw_rate_radps=np.array([0.1, 0.0]),
+        visible=np.array([0.5, np.nan]), distance_m=np.array([10.0, 130.0]),
+    )  # fmt: skip

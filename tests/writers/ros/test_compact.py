@@ -1,6 +1,7 @@
 """Bags of the profiles `compact`, read by software that nobody here wrote: what is lost is what is told."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,13 +9,15 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from shared_fixtures.readings.bag_samples import cloud_of, read, write_all
+from shared_fixtures.readings.bag_samples import cloud_of, read, two_objects, write_all
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from carlaloc_env.sensors.base import Mount
-from recorder.writers.base import Writer
+from recorder.bags import open_bag
+from recorder.dataset.scans import read_scans
+from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
 from recorder.writers.ros import sensor_messages
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
@@ -145,6 +148,34 @@ def test_clouds_lose_less_than_a_centimetre(messages: Any) -> None:
     assert np.array_equal(told[3], true.tag[order])  # type: ignore[index]
     assert np.array_equal(told[4], true.instance[order])  # type: ignore[index]
     assert len(message.data) < 5.0 * len(order), "of 27 bytes a point"
+
+
+def test_clouds_of_our_own_compact_bags_are_found_and_read(tmp_path: Path) -> None:
+    """Beside the table of objects, which is no cloud for readers of ours or of others."""
+    streams = {"lidar": 6, "objects": 6}
+    writer = Rosbag2Writer(tmp_path / "a", Ros2Encoder(RIG, profile="compact", streams=streams))
+    stamps = [number * 50_000_000 for number in range(6)]
+    samples = [s for at in stamps for s in (replace(cloud(at), sensor="lidar"), two_objects(at))]
+    path = write_all(writer, iter(samples))
+    with open_bag(path) as reader:
+        assert "sensor_msgs/msg/PointCloud2" not in {c.msgtype for c in reader.connections}
+    found = [scan for _, scan in read_scans(path)]
+    true = cloud(0)
+    order = np.lexsort((true.offset_ns, true.ring))
+    assert [scan.stamp_ns - DEFAULT_EPOCH_NS for scan in found] == stamps
+    assert np.abs(found[0].points_xyz_m - true.points_xyz_m[order]).max() < 0.0075 + 1e-4
+    assert found[0].time_s == pytest.approx(true.offset_ns[order] * 1e-9, abs=6e-7)
+    assert np.array_equal(found[0].ring, true.ring[order])  # type: ignore[arg-type]
+    assert np.array_equal(found[0].tag, true.tag[order])  # type: ignore[arg-type, index]
+
+
+def test_kiss_icps_loader_finds_the_lidar_by_itself(tmp_path: Path) -> None:
+    """It takes the only PointCloud2."""
+    loaders = pytest.importorskip("kiss_icp.datasets.rosbag")
+    streams = {"lidar", "objects"}
+    writer = Rosbag1Writer(tmp_path / "a.bag", Ros1Encoder(RIG, profile="standard", streams=streams))
+    path = write_all(writer, [replace(cloud(0, 640), sensor="lidar"), two_objects()])
+    assert loaders.RosbagDataset(path, "").topic == "/lidar/points"
 
 
 def test_without_draco_the_way_to_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

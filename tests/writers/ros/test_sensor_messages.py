@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from rosbags.typesys import Stores
-from shared_fixtures.readings.bag_samples import imu, truth
+from shared_fixtures.readings.bag_samples import imu, truth, two_objects
 
-from carlaloc_env.samples import CanState, GnssFix, ObjectList, RadarScan, Sample, SemanticImage, WheelTicks
+from carlaloc_env.samples import CanState, GnssFix, RadarScan, Sample, SemanticImage, WheelTicks
 from recorder.writers.rig_calibration import FRAMES, filled
 from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
@@ -167,17 +167,6 @@ def test_gnss_status(solution: str, status: int, kind: int) -> None:
     assert message.position_covariance_type == kind
 
 
-def two_objects() -> ObjectList:
-    return ObjectList(
-        sensor="objects", frame_id="world", stamp_ns=0, id=np.array([2**23 + 1, 2**23 + 2], np.uint32),
-        tag=np.array([14, 12], np.uint8), position_m=np.array([[1.0, 2.0, 0.7], [5.0, 6.0, 0.9]]),
-        heading_rad=np.array([np.pi / 2, 0.0]), pitch_rad=np.array([0.0, 0.0]), roll_rad=np.array([0.0, 0.0]),
-        size_m=np.array([[4.5, 1.8, 1.4], [0.6, 0.6, 1.8]]),
-        velocity_mps=np.array([[0.0, 9.0, 0.0], [1.2, 0.0, 0.0]]), yaw_rate_radps=np.array([0.1, 0.0]),
-        visible=np.array([0.5, np.nan]), distance_m=np.array([10.0, 130.0]),
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("store", STORES, ids=str)
 def test_objects_as_carlas_bridge_writes_them(store: Stores) -> None:
     """Box, class and world-frame velocity; the table adds what the message has no field for."""
@@ -188,7 +177,10 @@ def test_objects_as_carlas_bridge_writes_them(store: Stores) -> None:
     assert car.shape.dimensions.tolist() == [4.5, 1.8, 1.4]
     assert car.pose.orientation.z == pytest.approx(np.sin(np.pi / 4))
     assert (car.twist.linear.y, car.twist.angular.z) == (9.0, 0.1)
-    rows = table(round_trip(store, "object_table", two_objects()))
+    message = round_trip(store, "object_table", two_objects())
+    rows = {channel.name: channel.values for channel in message.channels}
+    assert [(point.x, point.y) for point in message.points] == [(1.0, 2.0), (5.0, 6.0)]
+    assert rows["length"] == pytest.approx([4.5, 0.6])
     assert rows["id"].tolist() == [2**23 + 1, 2**23 + 2]
     assert rows["visible"][0] == 0.5
     assert np.isnan(rows["visible"][1])
