@@ -20,7 +20,7 @@ from carlaloc_env.weather.parameters import PRESETS
 from recorder.devices.base import DEVICES, Command
 from recorder.devices.inputs import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT, Inputs, Press
 from recorder.devices.profile import DeviceProfile, known_profiles, match_profile
-from recorder.window.hud import AMBER, BLUE, DARK, WHITE, Lettering
+from recorder.window.hud import AMBER, BLUE, DARK, WHITE
 from recorder.window.window import Window
 
 T = TypeVar("T")
@@ -218,8 +218,7 @@ class StartScreen:
     def _draw(self, pygame: Any, surface: Any) -> None:
         width, height = surface.get_size()
         self._backdrop(pygame, surface)
-        lettering = Lettering(pygame, height)
-        u, write = lettering.unit, lettering.write
+        u, write = self._window.lettering.unit, self._window.lettering.write
         write(surface, "CarlaLoc", "big", (3 * u, 2 * u), WHITE, "topleft")
         write(surface, "Choose your drive", "medium", (3.1 * u, 5 * u), WHITE, "topleft")
         panel = pygame.Surface((width - 6 * u, 16.4 * u), pygame.SRCALPHA)

@@ -184,6 +184,8 @@ def show(result: dict[str, Any]) -> None:
             print(f"  an attempt given up is in {path}")
         for path in result["photos"]:
             print(f"  photo: {path}")
+        if result["passed_mps"] is not None:
+            print(f"  the end of the route was passed at {3.6 * result['passed_mps']:.0f} km/h")
         if result["stuck"]:
             print("  the car made no progress for five minutes; try another --seed or a longer --duration")
         if result["slowest"] < SLOW:
