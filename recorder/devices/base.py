@@ -10,11 +10,13 @@ Commands of a driver besides steering and pedals.
 from __future__ import annotations
 
 from enum import Enum
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
-from carlaloc_env.driving.road_ahead import DriverView
+
+if TYPE_CHECKING:
+    from carlaloc_env.driving.road_ahead import DriverView
 
 
 class Device(Protocol):

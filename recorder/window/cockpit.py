@@ -25,6 +25,7 @@ from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_RIGHT, ActorFrame, 
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.weather.schedule import Weather
 from recorder.window.hud import DriveStatus, HudState
 from recorder.window.render_process import GONE, RenderProcess
@@ -222,7 +223,7 @@ class WindowCockpit(AbstractContextManager["WindowCockpit"]):
             turn_deg=float(np.degrees(math.remainder(turn, 2.0 * math.pi))),
             remaining_m=route.length_m - (driven_m % route.length_m if route.closed else driven_m),
             driven_m=driven_m,
-            light=driver.signal_state,
+            light=SignalState(driver.signal_state).name.lower(),
             light_m=driver.stop_line_distance_m,
             time_s=world.tick_count / TICK_HZ,
             view=view,

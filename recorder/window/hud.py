@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import Any
 
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.inputs import HELP_LINES
 
 DARK, WHITE, AMBER, BLUE = (18, 22, 26), (245, 245, 245), (250, 180, 40), (80, 165, 255)
@@ -110,7 +109,7 @@ class DriveStatus:
 
 
 _GREY, _RED, _GREEN = (150, 156, 162), (235, 60, 50), (70, 200, 90)
-_LIGHTS = {SignalState.RED: _RED, SignalState.YELLOW: AMBER, SignalState.GREEN: _GREEN}
+_LIGHTS = {"red": _RED, "yellow": AMBER, "green": _GREEN}
 _WARNINGS = {
     "collision": "COLLISION",
     "red_light": "RED LIGHT",
@@ -137,8 +136,8 @@ class HudState:
     """Route still to drive [m]."""
     driven_m: float
     """Route driven so far [m]."""
-    light: int
-    """`SignalState` of the next light, 0 when there is none."""
+    light: str
+    """Name of the next light's `SignalState`; the window opens before that is loaded."""
     light_m: float | None
     """Distance to its stop line [m]."""
     time_s: float
@@ -233,8 +232,8 @@ class Hud:
         self._arrow(surface, (x, base - 2.2 * u), state.turn_deg, 1.1 * u, BLUE)
         self._text(surface, _metres(state.remaining_m), "medium", (x + 1.8 * u, base - 1.4 * u), WHITE)
         self._text(surface, "to go", "small", (x + 1.8 * u, base - 0.4 * u), _GREY)
-        if state.light and state.light_m is not None:
-            colour = _LIGHTS.get(SignalState(state.light), _GREY)
+        if state.light in _LIGHTS and state.light_m is not None:
+            colour = _LIGHTS[state.light]
             position = (round(self._width - 4.8 * u), round(base - 2.0 * u))
             self._pygame.draw.circle(surface, DARK, position, round(0.95 * u))
             self._pygame.draw.circle(surface, colour, position, round(0.75 * u))

@@ -14,7 +14,6 @@ from typing import Any, TypeVar
 
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.core.files.array_cache import default_cache_dir
-from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.weather.parameters import PRESETS
 from recorder.devices.base import DEVICES, Command
@@ -150,6 +149,9 @@ class StartScreen:
         self._window, self._inputs = window, inputs
         self.choice = choice
         self._profiles: list[DeviceProfile] = known_profiles()
+        # Here and not above: a window opens before this is loaded.
+        from carlaloc_env.town.config import TownConfig
+
         files = {name: path.with_name("town.toml") for name, path in known_towns().items()}
         towns = {
             name: TownConfig.from_toml(file).description if file.exists() else ""

@@ -1,5 +1,7 @@
 """Text of the window."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ LARGER = 16
 SHARES = np.linspace(0.02, 0.98, 97)
 
 
-def ink_px(surface: "pygame.Surface") -> NDArray[np.float64]:
+def ink_px(surface: Any) -> NDArray[np.float64]:
     """Columns left of which given shares of the ink lie [px]."""
     ink = np.cumsum(pygame.surfarray.array_alpha(surface).astype(np.float64).sum(axis=1))
     return np.interp(SHARES, ink / ink[-1], np.arange(1, len(ink) + 1))

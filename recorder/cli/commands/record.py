@@ -31,7 +31,6 @@ from recorder.cli.arguments import (
 )
 from recorder.cli.terminal import Progress
 from recorder.devices.base import HUMAN, wants_window
-from recorder.drive.session import SLOW
 
 if TYPE_CHECKING:
     from recorder.window.start_screen import Opening
@@ -169,6 +168,9 @@ def _drive_again(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def show(result: dict[str, Any]) -> None:
     """Print what was recorded."""
+    # Here and not above: a window opens before this is loaded.
+    from recorder.drive.session import SLOW
+
     if "profile" in result:
         print(f"calibrated; the profile is {result['profile']}")
     elif "first_difference_tick" in result:
