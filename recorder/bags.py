@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Generator, Iterator, Mapping, 
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeAlias
 
 import yaml
 import zstandard
@@ -29,7 +29,6 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from recorder.bags import refused_in_one_line
 
 _LOG = logging.getLogger(__name__)
 
@@ -194,13 +193,7 @@ _OF_VERSION = {
 
 
 def add_definitions(reader: AnyReader, path: Path, bag: Path) -> None:
-    """Let a reader know the standard messages of types whose definitions the bag does not carry.
-
-    Args:
-        reader: An open reader of ROS 2.
-        path: The first file that it reads.
-        bag: The bag as the user named it, for notes.
-    """
+    """Let a reader of ROS 2, by its first file, know standard messages that the bag does not define."""
     bare = {c.msgtype for c in reader.connections if c.msgdef.format == MessageDefinitionFormat.NONE}
     if not bare - reader.typestore.fielddefs.keys():
         return
@@ -374,20 +367,15 @@ def refused_in_one_line(bag: Path) -> Iterator[None]:
         ) from error
 
 
+Message: TypeAlias = tuple[Connection, int, bytes]
+"""Connection, time of recording [ns] and serialized content of a message."""
 _AHEAD, _FIRST = 8, 64
 """Number of messages that wait for late ones, and of the first ones, which show whether more must wait."""
 
 
-def messages_by_stamp(
-    reader: AnyReader, connections: Sequence[Connection]
-) -> Iterator[tuple[Connection, int, bytes]]:
-    """Messages in the order of their headers' stamps, which need not be that of their recording.
-
-    Args:
-        reader: An open reader.
-        connections: One or several, whose messages begin with a header.
-    """
-    waiting: list[tuple[tuple[int, ...], int, int, tuple[Connection, int, bytes]]] = []
+def messages_by_stamp(reader: AnyReader, connections: Sequence[Connection]) -> Iterator[Message]:
+    """Messages that begin with a header, in the order of its stamps, not in that of their recording."""
+    waiting: list[tuple[tuple[int, ...], int, int, Message]] = []
     ahead = _ahead(reader, connections)
     for number, message in enumerate(reader.messages(connections)):
         heapq.heappush(waiting, (_stamp(message[2], reader), message[1], number, message))

@@ -159,13 +159,7 @@ class HumanDevice:
         self.inputs = inputs
         self._roles = StickRoles(kind, profiles, inputs, preferred)
         self._params = params if params is not None else VehicleParams()
-        self._key_steering, self._key_pedals = KeySteering(self._params), KeyPedals()
-        self._steer = Filter(WHEEL_OMEGA if kind == "wheel" else STICK_OMEGA)
-        self._pedals = Filter(PEDAL_OMEGA), Filter(PEDAL_OMEGA)
-        self._reverse = False
-        self._lost_s = self._lost_steer = 0.0
-        self.raw = Controls()
-        self.commands: list[Command] = []
+        self.begin()
         self.plugged: list[tuple[str, str]] = []
         self._has_driven = False
         if kind != "keyboard" and not self.is_connected:
@@ -177,6 +171,20 @@ class HumanDevice:
             raise DeviceError(fault)
         if (note := self._roles.question or self._guess()) is not None:
             _LOG.warning(note)
+
+    def begin(self, *, reverse: bool = False) -> None:
+        """Begin a drive, or a new attempt at it, with hands and feet off.
+
+        Args:
+            reverse: Whether the reverse gear is engaged.
+        """
+        self._key_steering, self._key_pedals = KeySteering(self._params), KeyPedals()
+        self._steer = Filter(WHEEL_OMEGA if self._kind == "wheel" else STICK_OMEGA)
+        self._pedals = Filter(PEDAL_OMEGA), Filter(PEDAL_OMEGA)
+        self._reverse = reverse
+        self._lost_s = self._lost_steer = 0.0
+        self.raw = Controls()
+        self.commands: list[Command] = []
 
     @property
     def name(self) -> str:

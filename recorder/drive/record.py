@@ -100,6 +100,8 @@ class RecordResult:
     """Lowest speed of the world over real time, of drives in real time."""
     stuck: bool = False
     """Whether a drive without a duration ended early, since the car made no progress for `PATIENCE_S`."""
+    passed_mps: float | None = None
+    """Speed at which the end of an open route was passed [m/s]; None where the car did not, or stopped."""
 
 
 def record(
@@ -231,7 +233,13 @@ class _Drive:
             photos=tuple(session.photos),
             slowest=session.slowest,
             stuck=session.stuck,
+            passed_mps=self._passed_mps(),
         )
+
+    def _passed_mps(self) -> float | None:
+        speed = abs(self.world.state.speed_mps)
+        stopped = self.world.route.closed or speed < _STANDS_MPS
+        return None if stopped or not self.session.is_driven else speed
 
     def _begin(self, catalog: ActorCatalog) -> EpisodeWriter:
         config = self._config
@@ -243,11 +251,17 @@ def _never(_: DrivingWorld) -> bool:
     return False
 
 
+_STANDS_MPS = 0.05
+_AT_THE_END_M = 8.0
+
+
 def _arrived(world: DrivingWorld) -> bool:
-    finish_m = world.route.length_m
+    """Whether the route has been driven: to its end, or to a stop just before the end of an open one."""
+    left_m = world.route.length_m - world.route_s_m
     if world.route.closed:
-        return world.route_s_m >= finish_m
-    return world.route_s_m >= finish_m - 8.0 and world.state.speed_mps < 0.05
+        return left_m <= 0.0
+    # A car beyond the end is projected on it, to the last bits.
+    return left_m < 0.01 or (left_m <= _AT_THE_END_M and world.state.speed_mps < _STANDS_MPS)
 
 
 def episode_header(

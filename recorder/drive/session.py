@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import OutputError
@@ -80,6 +82,12 @@ _IDLE_S = 0.004
 _WARNING_S = 2.5
 _STEP_ON_M = 1.0
 """Distance that counts as progress [m]."""
+_STUCK_S, _STUCK_THROTTLE = 3.0, 0.2
+"""A car is stuck that has been given so much throttle for so long [s] and has not moved by `_STEP_ON_M`."""
+_ANNOUNCED_M, _ANNOUNCED_S, _GENTLE_MPS2 = 25.0, 3.0, 1.5
+"""The end of the route is announced so far ahead [m], or so long [s] before gentle braking begins [m/s²]."""
+_FAREWELL_S = 1.5
+"""How long the window shows that the drive is over [s]."""
 
 
 class Cockpit(Protocol):
@@ -88,8 +96,8 @@ class Cockpit(Protocol):
     def show(self, world: DrivingWorld, status: DriveStatus) -> None:
         """Show the present."""
 
-    def photo(self, path: Path) -> None:
-        """Write what is shown to a PNG; an `OutputError` where that fails."""
+    def photo(self, world: DrivingWorld, status: DriveStatus, path: Path) -> None:
+        """Write a picture of the present to a PNG; an `OutputError` where that fails."""
 
 
 class DriveSession:
@@ -131,6 +139,8 @@ class DriveSession:
         self._rules = RuleMonitor(world.town.network)
         self._warned: dict[str, int] = {}
         self._checkpoint = 0
+        self._switched = ("", False, False)
+        self._stood_m, self._pushed_ticks = np.zeros(3), 0
         self._over = False
         self.stuck = False
         """Whether the drive ended because the car made no progress."""
@@ -151,7 +161,7 @@ class DriveSession:
             if self._world.route_s_m > farthest_m + _STEP_ON_M:
                 farthest_m, since = self._world.route_s_m, self._world.tick_count
             if self._world.tick_count - since > patience_s * TICK_HZ:
-                self.listener.event(self._world.tick_count, "stuck", {"route_m": self._world.route_s_m})
+                self.listener.event(self._world.tick_count, "stuck", {"route_m": self.route_m})
                 self.stuck = True
                 return
 
@@ -164,6 +174,7 @@ class DriveSession:
         """
         if cockpit is not None:
             cockpit.show(self._world, self.status)
+        self._remember_switches()
         pacer = Pacer()
         while not self._is_over():
             panel.poll()
@@ -185,6 +196,10 @@ class DriveSession:
                 cockpit.show(self._world, self.status)
             if cockpit is None or self.status.paused:
                 time.sleep(_IDLE_S)
+        if cockpit is not None and self.is_driven:
+            self.status.message = "the route has been driven: the drive ends here"
+            cockpit.show(self._world, self.status)
+            time.sleep(_FAREWELL_S)
 
     def replay_controls(self, episode: Episode, ticks: int) -> None:
         """Drive by the controls of an episode up to a tick, its other events included."""
@@ -204,22 +219,31 @@ class DriveSession:
 
     @property
     def route_m(self) -> float:
-        """Way along the route so far [m]."""
-        return self._world.route_s_m
+        """Way along the route so far [m]; not negative where the car has gone back behind the start."""
+        return max(self._world.route_s_m, 0.0)
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether the route has been driven, in drives that end by it."""
+        return self._finished(self._world)
 
     def finish(self) -> None:
         """Note the end; closing the file is the writer's."""
-        self.listener.event(self._world.tick_count, "end", {"route_m": self._world.route_s_m})
+        self.listener.event(self._world.tick_count, "end", {"route_m": self.route_m})
 
     def _is_over(self) -> bool:
-        return self._over or self._world.tick_count >= self._end_tick or self._finished(self._world)
+        return self._over or self._world.tick_count >= self._end_tick or self.is_driven
 
     def _tick(self, controls: Controls) -> None:
         self.listener.raw = getattr(self._driver, "raw", None)
         self._advance(controls)
         self.status.controls = controls
+        position_m = self._world.state.position_m
+        if math.dist(position_m, self._stood_m) > _STEP_ON_M:
+            self._stood_m, self._pushed_ticks = position_m, 0
+        self._pushed_ticks += controls.throttle > _STUCK_THROTTLE and not controls.handbrake
         if self._progress is not None and self._world.tick_count % 50 == 0:
-            self._progress(self._world.tick_count / TICK_HZ, self._world.route_s_m)
+            self._progress(self._world.tick_count / TICK_HZ, self.route_m)
 
     def _advance(self, controls: Controls) -> None:
         world = self._world
@@ -238,12 +262,35 @@ class DriveSession:
             self._warned["collision"] = now
         recent = {kind for kind, tick in self._warned.items() if now - tick < _WARNING_S * TICK_HZ}
         status.warnings = tuple(sorted(recent | set(self._rules.present)))
-        status.message = panel.message or (self._note if now <= self._note_until else None)
+        note = self._note if now <= self._note_until else None
+        status.message = panel.message or note or self._way_out(panel) or self._end_ahead()
         status.buttons = panel.buttons
         status.slow = pacer.speed if pacer.is_slow and not status.paused else None
         self.slowest = min(self.slowest, pacer.speed)
         status.size_mb = self.listener.writer.size_bytes / 1e6
         status.faults = sum(self.listener.counts[kind] for kind in (*VIOLATIONS, "collision"))
+
+    @property
+    def _restart_place(self) -> str:
+        return "checkpoint" if self._checkpoint else "start"
+
+    def _way_out(self, panel: HumanDevice | KeyPanel) -> str | None:
+        """What a person can do whose car is stuck."""
+        if self._pushed_ticks < _STUCK_S * TICK_HZ or not isinstance(panel, HumanDevice):
+            return None
+        names = (Command.REVERSE, "R"), (Command.RESTART, "backspace")
+        keys = [f"button {panel.buttons[c.value]}" if c.value in panel.buttons else key for c, key in names]
+        return f"stuck? {keys[0]}: reverse gear; {keys[1]}: back to the {self._restart_place}"
+
+    def _end_ahead(self) -> str | None:
+        """Announcement of the end of an open route, in time to stop there."""
+        if self._world.route.closed:
+            return None
+        left_m, speed = self._world.route.length_m - self._world.route_s_m, self._world.state.speed_mps
+        braking_m = speed * speed / (2.0 * _GENTLE_MPS2)
+        if left_m > max(_ANNOUNCED_M, braking_m + speed * _ANNOUNCED_S):
+            return None
+        return f"the route ends in {max(left_m, 0.0):.0f} m: stop there"
 
     def _execute(self, command: Command, pacer: Pacer, cockpit: Cockpit | None) -> None:
         status, tick = self.status, self._world.tick_count
@@ -265,11 +312,13 @@ class DriveSession:
             self.listener.event(tick, "headlamps", {"on": status.headlamps})
         elif command is Command.CHECKPOINT:
             self._checkpoint = tick
+            self._remember_switches()
             self.listener.event(tick, "checkpoint")
         elif command is Command.PHOTO and cockpit is not None:
             self._photo(cockpit)
+            pacer.restart()
         elif command is Command.RESTART:
-            status.message = "going back to the checkpoint …"
+            status.message = f"going back to the {self._restart_place} …"
             if cockpit is not None:
                 cockpit.show(self._world, status)
             self._restart()
@@ -279,13 +328,18 @@ class DriveSession:
         """Write a photo beside the episode; one that fails costs no drive."""
         path = _free_name(self.listener.writer.path, "photo", len(self.photos) + 1, ".png")
         try:
-            cockpit.photo(path)
+            cockpit.photo(self._world, self.status, path)
         except OutputError as error:
             self._note = f"no photo: {error}"
         else:
             self.photos.append(path)
             self._note = f"photo: {path.name}"
         self._note_until = self._world.tick_count + round(_WARNING_S * TICK_HZ)
+
+    def _remember_switches(self) -> None:
+        """Keep what the driver has switched on, for a restart."""
+        status = self.status
+        self._switched = status.indicator, status.headlamps, status.controls.reverse
 
     def _restart(self) -> None:
         """Go back to the checkpoint: close this attempt and drive its beginning again, tick by tick."""
@@ -297,6 +351,11 @@ class DriveSession:
         self.listener = EpisodeListener(self._begin)
         self._rules = RuleMonitor(self._world.town.network)
         self._warned.clear()
+        self._note, self._pushed_ticks = "", 0
+        self.status.indicator, self.status.headlamps, reverse = self._switched
+        self.status.controls = Controls(reverse=reverse)
+        if isinstance(self._driver, HumanDevice):
+            self._driver.begin(reverse=reverse)
         self.start()
         if self._checkpoint > 1:
             self.replay_controls(Episode.load(given_up), self._checkpoint + 1)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import heapq
 import json
 import struct
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,11 +27,19 @@ from carlaloc_env.core.files.output_paths import (
     atomic_write,
     check_output_file,
     recording_path,
+    take_lock,
 )
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
-from recorder.episode.mcap_container import Container, ContainerWriter, is_container, read_container
+from recorder.episode.mcap_container import (
+    CUT_OFF,
+    NOT_CLOSED,
+    Container,
+    ContainerWriter,
+    is_container,
+    read_container,
+)
 from recorder.episode.messages import ACTORS, CONTROLS, EGO, EVENT, EgoRow, Event, actor_frames, unpack_actors
 from recorder.episode.writer import FLUSH_NS, HEADER_RECORD, EpisodeHeader, EpisodeWriter
 
@@ -115,9 +124,7 @@ class Episode:
         Raises:
             EpisodeError: the file is missing, foreign, damaged, or cut off (with the last good time).
         """
-        path = Path(path)
-        if not path.exists() and recording_path(path).exists():
-            path = recording_path(path)
+        path = _file_of(path)
         found = read_episode_file(path)
         header = next((values for name, values in found.metadata if name == HEADER_RECORD), None)
         if header is None:
@@ -178,6 +185,13 @@ def open_episode(path: str | Path) -> Episode:
     return Episode.load(path, allow_partial=True)
 
 
+def _file_of(path: str | Path) -> Path:
+    """The file of this name, or its recording where there is only that."""
+    path = Path(path)
+    recording = recording_path(path)
+    return recording if not path.exists() and recording.exists() else path
+
+
 def read_episode_file(path: Path) -> Container:
     """Records of an MCAP file.
 
@@ -212,7 +226,9 @@ def _assemble(path: Path, header: EpisodeHeader, found: Container) -> Episode:
 
 
 def repair_episode(path: str | Path, target: str | Path | None = None, *, overwrite: bool = False) -> Episode:
-    """Write the content of a cut-off recording as a whole file; the recording stays unchanged.
+    """Write the content of a cut-off recording as a whole file, and remove the recording then.
+
+    A recording that is damaged, not only cut off, stays, and so does a file that is no recording.
 
     Args:
         path: The recording, with or without its `.recording` suffix.
@@ -223,10 +239,15 @@ def repair_episode(path: str | Path, target: str | Path | None = None, *, overwr
         The repaired episode; its `path` is the new file.
 
     Raises:
-        EpisodeError: nothing can be read.
+        EpisodeError: nothing can be read, or a process still writes to it.
         OutputError: the target exists.
     """
-    source = Episode.load(path, allow_partial=True).path
+    source = _file_of(path)
+    if _is_written(source):
+        raise EpisodeError(
+            f"{source} is still being recorded; end that drive first (or copy the file, where there is none)"
+        )
+    problem = Episode.load(source, allow_partial=True).problem
     stem = source.name.removesuffix(RECORDING_SUFFIX)
     if target is None:
         name = stem if stem != source.name else f"{source.stem}_repaired{EPISODE_SUFFIX}"
@@ -235,7 +256,21 @@ def repair_episode(path: str | Path, target: str | Path | None = None, *, overwr
     check_output_file(target, suffixes=(EPISODE_SUFFIX,), overwrite=overwrite)
     with atomic_write(target, EpisodeError) as part:
         _rewrite(source, part)
-    return Episode.load(target)
+    whole = Episode.load(target)
+    if stem != source.name and problem in (None, NOT_CLOSED, CUT_OFF):
+        with suppress(OSError):
+            source.unlink()
+    return whole
+
+
+def _is_written(path: Path) -> bool:
+    """Whether a process still holds a recording."""
+    try:
+        with path.open("r+b") as file:
+            return not take_lock(file)
+    except OSError:
+        # It is missing, or cannot be changed: then reading it says more.
+        return False
 
 
 def _rewrite(source: Path, target: Path) -> None:

@@ -34,6 +34,7 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
+from carlaloc_env.core.files.output_paths import take_lock
 from recorder.episode.messages import RecordType
 
 _RECORD = struct.Struct("<BQ")
@@ -58,6 +59,8 @@ class ContainerWriter:
             OSError: the file exists or cannot be created.
         """
         self._file = path.open("xb", buffering=0)
+        # Until it is closed: a file that nobody holds belongs to a process that has ended.
+        take_lock(self._file)
         self._durable = durable
         self._offset = 0
         self._compressor = zstandard.ZstdCompressor(level=3)
@@ -194,6 +197,10 @@ class ContainerWriter:
             raise
 
 
+NOT_CLOSED, CUT_OFF = "the file was not closed", "its last record is cut off"
+"""Problems of a file that was read as far as it was written."""
+
+
 @dataclass(slots=True)
 class Container:
     """What could be read from a file."""
@@ -222,12 +229,12 @@ def read_container(data: bytes) -> Container:
     at, size = len(MCAP0_MAGIC), len(data)
     while True:
         if at + _RECORD.size > size:
-            found.problem = "the file was not closed"
+            found.problem = NOT_CLOSED
             return found
         opcode, length = _RECORD.unpack_from(data, at)
         at += _RECORD.size
         if at + length > size:
-            found.problem = "its last record is cut off"
+            found.problem = CUT_OFF
             return found
         try:
             if opcode == Opcode.CHUNK:

@@ -106,7 +106,8 @@ def summarise(episode: Episode) -> EpisodeSummary:
     walkers = int(np.count_nonzero(episode.header.catalog.tag == Tag.PEDESTRIAN))
     table_m = episode.header.route.get("table_length_m")
     loop = bool(episode.header.route.get("closed"))
-    counts = Counter(event.kind for event in episode.events)
+    # A car that is pushed against one wall touches it again and again: that is one collision.
+    counts = Counter(event.kind for event in episode.events if not event.data.get("again"))
     meets = None
     if table_m is not None and episode.header.device == "scripted":
         meets = abs(driven_m - table_m) <= TABLE_FRACTION * table_m and (closed or not loop)

@@ -7,6 +7,7 @@ The small map: streets and route round the car, the driving direction up.
 
 import math
 import time
+from collections import deque
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +25,7 @@ from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_RIGHT, ActorFrame, 
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.weather.schedule import Weather
 from recorder.window.hud import DriveStatus, HudState
 from recorder.window.render_process import GONE, RenderProcess
@@ -111,6 +113,8 @@ _IMAGE_S = 0.003
 """How long to wait for an image before the world moves on [s]."""
 _FIRST_S = 30.0
 """How long to wait for the first image, for which shaders are compiled [s]."""
+_RATED_IMAGES = 20
+"""Images over which their rate is taken."""
 _GONE_S = 0.03
 """Time between two views of the instruments when there are no more images [s]."""
 _ARROW_AHEAD_S, _ARROW_AHEAD_MIN_M = 3.0, 18.0
@@ -131,6 +135,7 @@ class WindowCockpit(AbstractContextManager["WindowCockpit"]):
         self._shown: tuple[object, ...] = ()
         self.images = 0
         """Images shown so far."""
+        self._shown_s: deque[float] = deque(maxlen=_RATED_IMAGES)
 
     def prepare(self, town: Town, weather: Weather) -> None:
         """Hand town and weather to the process that draws; it makes the scene meanwhile."""
@@ -171,24 +176,29 @@ class WindowCockpit(AbstractContextManager["WindowCockpit"]):
             self._shown = now_shown
             self._show(self._last, world, status, view)
 
-    def photo(self, path: Path) -> None:
-        """Write the picture without its instruments to a PNG, as large as the window shows it.
+    def photo(self, world: DrivingWorld, status: DriveStatus, path: Path) -> None:
+        """Draw the present with every pixel of the window and no instruments, and write it to a PNG.
 
         Raises:
-            OutputError: it cannot be written, or there has been no picture.
+            OutputError: it cannot be written, or there are no more pictures.
         """
-        if self._last is None:
-            raise OutputError("there is no picture yet")
-        image = cv2.cvtColor(self.window.scaled(self._last), cv2.COLOR_RGB2BGR)
+        # The image that is being drawn is in the way.
+        self._take(None)
+        self._renderer.ask(present_of(world, status), VIEWS[status.view % len(VIEWS)], photo=True)
+        drawn = self._renderer.image(None)
+        if drawn is None:
+            raise OutputError("the drawing process has ended")
+        image = cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR)
         with atomic_write(path) as part:
             part.write_bytes(cv2.imencode(".png", image)[1].tobytes())
 
-    def _take(self, patience_s: float) -> NDArray[np.uint8] | None:
+    def _take(self, patience_s: float | None) -> NDArray[np.uint8] | None:
         """The image that was ordered, when it is drawn in time."""
         image = self._renderer.image(patience_s)
         if image is not None:
             self._last = image.copy()
             self.images += 1
+            self._shown_s.append(time.monotonic())
         return image
 
     def _show(self, image: NDArray[np.uint8], world: DrivingWorld, status: DriveStatus, view: str) -> None:
@@ -201,6 +211,8 @@ class WindowCockpit(AbstractContextManager["WindowCockpit"]):
 
     def _state(self, world: DrivingWorld, status: DriveStatus, view: str) -> HudState:
         driver, route = world.driver_view(), world.route
+        driven_m = max(driver.route_s_m, 0.0)
+        passed_s = self._shown_s[-1] - self._shown_s[0] if len(self._shown_s) > 1 else math.inf
         ahead_m = max(_ARROW_AHEAD_MIN_M, _ARROW_AHEAD_S * driver.speed_mps)
         target = route.at(driver.route_s_m + ahead_m).position_m[0] - driver.position_m
         turn = math.atan2(target[1], target[0]) - driver.heading_rad
@@ -209,10 +221,11 @@ class WindowCockpit(AbstractContextManager["WindowCockpit"]):
             speed_mps=driver.speed_mps,
             limit_mps=driver.speed_limit_mps,
             turn_deg=float(np.degrees(math.remainder(turn, 2.0 * math.pi))),
-            remaining_m=route.length_m - driver.route_s_m,
-            driven_m=driver.route_s_m,
-            light=driver.signal_state,
+            remaining_m=route.length_m - (driven_m % route.length_m if route.closed else driven_m),
+            driven_m=driven_m,
+            light=SignalState(driver.signal_state).name.lower(),
             light_m=driver.stop_line_distance_m,
             time_s=world.tick_count / TICK_HZ,
             view=view,
+            pictures_hz=(len(self._shown_s) - 1) / passed_s,
         )

@@ -7,15 +7,18 @@ Status of a drive that a window shows beside the world itself.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.inputs import HELP_LINES
 
 DARK, WHITE, AMBER, BLUE = (18, 22, 26), (245, 245, 245), (250, 180, 40), (80, 165, 255)
 """Colours behind text, of text, of warnings and of what is chosen, sRGB."""
 _SIZES = {"small": 1.15, "medium": 1.7, "big": 3.2}
+_FINER = 4
+"""Letters are drawn so much larger and then made smaller: on whole pixels their gaps would differ."""
+_KEPT_TEXTS = 128
 
 
 class Lettering:
@@ -31,7 +34,10 @@ class Lettering:
         pygame.font.init()
         self.unit = max(12, round(height_px / 30))
         """Size on which all others depend [px]."""
-        self._fonts = {name: pygame.font.Font(None, round(self.unit * k)) for name, k in _SIZES.items()}
+        self._fonts = {
+            name: pygame.font.Font(None, _FINER * round(self.unit * k)) for name, k in _SIZES.items()
+        }
+        self._text = lru_cache(_KEPT_TEXTS)(self._drawn)
 
     def write(
         self,
@@ -55,13 +61,19 @@ class Lettering:
             anchor: Point of the text's box, e.g. ``midleft``.
             shadow: Whether a dark box lies behind it.
         """
-        drawn = self._fonts[size].render(text, True, colour)
+        drawn = self._text(text, size, colour)
         box = drawn.get_rect(**{anchor: (round(position[0]), round(position[1]))})
         if shadow:
             back = self._pygame.Surface((box.width + 8, box.height + 4), self._pygame.SRCALPHA)
             back.fill((*DARK, 150))
             surface.blit(back, (box.left - 4, box.top - 2))
         surface.blit(drawn, box)
+
+    def _drawn(self, text: str, size: str, colour: tuple[int, int, int]) -> Any:
+        large = self._fonts[size].render(text, True, colour)
+        width, height = large.get_size()
+        small = -(-width // _FINER), -(-height // _FINER)
+        return self._pygame.transform.smoothscale(large, small)
 
 
 @dataclass(slots=True)
@@ -97,7 +109,7 @@ class DriveStatus:
 
 
 _GREY, _RED, _GREEN = (150, 156, 162), (235, 60, 50), (70, 200, 90)
-_LIGHTS = {SignalState.RED: _RED, SignalState.YELLOW: AMBER, SignalState.GREEN: _GREEN}
+_LIGHTS = {"red": _RED, "yellow": AMBER, "green": _GREEN}
 _WARNINGS = {
     "collision": "COLLISION",
     "red_light": "RED LIGHT",
@@ -124,28 +136,30 @@ class HudState:
     """Route still to drive [m]."""
     driven_m: float
     """Route driven so far [m]."""
-    light: int
-    """`SignalState` of the next light, 0 when there is none."""
+    light: str
+    """Name of the next light's `SignalState`; the window opens before that is loaded."""
     light_m: float | None
     """Distance to its stop line [m]."""
     time_s: float
     """Length of the recording [s]."""
     view: str
     """Camera."""
+    pictures_hz: float
+    """Pictures shown a second."""
 
 
 class Hud:
-    """Draws the instruments with pygame's own font.
+    """Draws the instruments.
 
     Args:
         pygame: The module, initialised.
         size_px: Size of the window [px].
+        lettering: Writes in it.
     """
 
-    def __init__(self, pygame: Any, size_px: tuple[int, int]) -> None:
+    def __init__(self, pygame: Any, size_px: tuple[int, int], lettering: Lettering) -> None:
         self._pygame = pygame
         self._width, self._height = size_px
-        lettering = Lettering(pygame, self._height)
         self._text, self._unit = lettering.write, lettering.unit
         unit = self._unit
         self._veil = pygame.Surface((self._width, unit * 5), pygame.SRCALPHA)
@@ -218,13 +232,14 @@ class Hud:
         self._arrow(surface, (x, base - 2.2 * u), state.turn_deg, 1.1 * u, BLUE)
         self._text(surface, _metres(state.remaining_m), "medium", (x + 1.8 * u, base - 1.4 * u), WHITE)
         self._text(surface, "to go", "small", (x + 1.8 * u, base - 0.4 * u), _GREY)
-        if state.light and state.light_m is not None:
-            colour = _LIGHTS.get(SignalState(state.light), _GREY)
-            position = (round(self._width - 4.2 * u), round(base - 2.0 * u))
+        if state.light in _LIGHTS and state.light_m is not None:
+            colour = _LIGHTS[state.light]
+            position = (round(self._width - 4.8 * u), round(base - 2.0 * u))
             self._pygame.draw.circle(surface, DARK, position, round(0.95 * u))
             self._pygame.draw.circle(surface, colour, position, round(0.75 * u))
             distance = f"{max(state.light_m, 0.0):.0f} m"
-            self._text(surface, distance, "medium", (self._width - 3 * u, base - 1.4 * u), WHITE)
+            self._text(surface, distance, "medium", (self._width - 3.6 * u, base - 1.4 * u), WHITE)
+            self._text(surface, "to light", "small", (self._width - 3.6 * u, base - 0.4 * u), _GREY)
 
     def _recording(self, surface: Any, state: HudState) -> None:
         u = self._unit
@@ -233,7 +248,8 @@ class Hud:
         minutes, seconds = divmod(int(state.time_s), 60)
         text = f"REC {minutes:02d}:{seconds:02d}   {state.status.size_mb:.1f} MB   {_metres(state.driven_m)}"
         self._text(surface, text, "small", (1.8 * u, u), WHITE, "midleft", shadow=True)
-        line = f"{state.status.device}   view: {state.view}   faults: {state.status.faults}   H: help"
+        view = f"view: {state.view}, {state.pictures_hz:.0f} pictures/s"
+        line = f"{state.status.device}   {view}   faults: {state.status.faults}   H: help"
         self._text(surface, line, "small", (0.6 * u, 1.8 * u), WHITE, "topleft", shadow=True)
 
     def _lines(self, surface: Any, state: HudState) -> None:

@@ -23,6 +23,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import CarlaLocError, RenderError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
+from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import Snapshot
 
@@ -152,16 +153,16 @@ class RenderProcess(AbstractContextManager["RenderProcess"]):
         """Whether an image can be ordered."""
         return self.alive and not self._busy
 
-    def ask(self, snapshot: Snapshot, view: str) -> None:
-        """Order an image, if the process is idle."""
+    def ask(self, snapshot: Snapshot, view: str, *, photo: bool = False) -> None:
+        """Order an image, if the process is idle; a photo has the largest size, and comes by itself."""
         try:
-            self._pipe.send((snapshot, view))
+            self._pipe.send((snapshot, view, photo))
             self._busy = True
         except OSError:
             self.alive = False
 
-    def image(self, patience_s: float) -> NDArray[np.uint8] | None:
-        """The image last ordered, sRGB (H, W, 3), when it is finished; waits a moment for it.
+    def image(self, patience_s: float | None) -> NDArray[np.uint8] | None:
+        """The image last ordered, sRGB (H, W, 3), when it is finished; waits so long for it, or until then.
 
         It is a view of shared memory and good until the next one is ordered.
         """
@@ -214,8 +215,9 @@ def _draw_images(pipe: Connection, memory: Any) -> None:
     with suppress(EOFError, OSError):
         pipe.send("ready")
         while True:
-            order: tuple[Snapshot, str] = pipe.recv()
-            view.image(*order, hand_over)
+            order: tuple[Snapshot, str, bool] = pipe.recv()
+            snapshot, name, photo = order
+            (view.photo if photo else view.image)(snapshot, name, hand_over)
 
 
 _CHASE_TURN = 0.06
@@ -253,11 +255,9 @@ class LiveView:
         """
         began = time.perf_counter()
         renderer, now = self._stage.renderer(), snapshot.stamp_ns
-        pose = self._pose(snapshot.T_world_base, view)
-        lens = Pinhole.from_fov(*self._resolution.size_px, _FOV_DEG[view])
-        instances = instances_at(self._stage.library, self._stage.lenses, snapshot)
+        seen = self._seen(snapshot, view, self._resolution.size_px)
         earlier = self._known if view == self._view else None
-        draw = renderer.begin_drawing(lens, pose, instances, earlier=earlier)
+        draw = renderer.begin_drawing(*seen, earlier=earlier)
         is_first = self._unfinished is None
         if self._unfinished is not None:
             hand_over(np.ascontiguousarray(self._unfinished()))
@@ -272,6 +272,23 @@ class LiveView:
         if is_first:
             hand_over(np.ascontiguousarray(self._unfinished()))
         self._resolution.took(time.perf_counter() - began)
+
+    def photo(self, snapshot: Snapshot, view: str, hand_over: Callable[[NDArray[np.uint8]], None]) -> None:
+        """Draw an instant alone, in the largest size; takes the arguments of `image`."""
+        renderer, now = self._stage.renderer(), snapshot.stamp_ns
+        drawn = renderer.draw(*self._seen(snapshot, view, SIZES_PX[0]))
+        weather = self._stage.weather.at(now)
+        # A live image may be unfinished in the first slot.
+        shade = renderer.begin_shading(drawn, weather, stamp_ns=now, seed=self._stage.seed, slot=1)
+        hand_over(np.ascontiguousarray(shade()))
+
+    def _seen(
+        self, snapshot: Snapshot, view: str, size_px: tuple[int, int]
+    ) -> tuple[Pinhole, Array, Instances]:
+        """Lens, pose and movable models of an image."""
+        lens = Pinhole.from_fov(*size_px, _FOV_DEG[view])
+        instances = instances_at(self._stage.library, self._stage.lenses, snapshot)
+        return lens, self._pose(snapshot.T_world_base, view), instances
 
     def _pose(self, T_world_base: Array, view: str) -> Array:
         """Pose of the optical frame (4, 4) in the world."""

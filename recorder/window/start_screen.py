@@ -14,13 +14,12 @@ from typing import Any, TypeVar
 
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.core.files.array_cache import default_cache_dir
-from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.weather.parameters import PRESETS
 from recorder.devices.base import DEVICES, HUMAN, Command
 from recorder.devices.inputs import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT, Inputs, Press
 from recorder.devices.profile import StickRoles, known_profiles
-from recorder.window.hud import AMBER, BLUE, DARK, WHITE, Lettering
+from recorder.window.hud import AMBER, BLUE, DARK, WHITE
 from recorder.window.window import Window
 
 T = TypeVar("T")
@@ -151,6 +150,9 @@ class StartScreen:
         self.choice = choice
         profiles = known_profiles()
         self._roles = {device: StickRoles(device, profiles, inputs) for device in HUMAN}
+        # Here and not above: a window opens before this is loaded.
+        from carlaloc_env.town.config import TownConfig
+
         files = {name: path.with_name("town.toml") for name, path in known_towns().items()}
         towns = {
             name: TownConfig.from_toml(file).description if file.exists() else ""
@@ -230,8 +232,7 @@ class StartScreen:
     def _draw(self, pygame: Any, surface: Any) -> None:
         width, height = surface.get_size()
         self._backdrop(pygame, surface)
-        lettering = Lettering(pygame, height)
-        u, write = lettering.unit, lettering.write
+        u, write = self._window.lettering.unit, self._window.lettering.write
         write(surface, "CarlaLoc", "big", (3 * u, 2 * u), WHITE, "topleft")
         write(surface, "Choose your drive", "medium", (3.1 * u, 5 * u), WHITE, "topleft")
         panel = pygame.Surface((width - 6 * u, 16.4 * u), pygame.SRCALPHA)

@@ -1,12 +1,10 @@
 """The window itself: opened once, shows one image with instruments after another."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,10 +12,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import DeviceError
 from recorder.devices.inputs import import_pygame
-from recorder.window.hud import BLUE, DARK, WHITE
-
-if TYPE_CHECKING:
-    from recorder.window.hud import Hud, HudState
+from recorder.window.hud import BLUE, DARK, WHITE, Hud, HudState, Lettering
 
 WINDOW_PX = (960, 540)
 """Size of the window [px]."""
@@ -53,7 +48,9 @@ class Window:
         except pygame.error as error:
             raise DeviceError(f"{_NO_DISPLAY} ({error})") from error
         pygame.display.set_caption(title)
-        self._hud: Hud | None = None
+        self.lettering = Lettering(pygame, size_px[1])
+        """Writes in the window."""
+        self._hud = Hud(pygame, size_px, self.lettering)
 
     def show_progress(self, text: str, done: float) -> None:
         """Show a line of text over a bar.
@@ -63,10 +60,8 @@ class Window:
             done: How much of it is done, 0–1.
         """
         pygame, (width, height) = self._pygame, self.size_px
-        pygame.font.init()
-        line = pygame.font.Font(None, round(height / 15)).render(text, True, WHITE)
         self._surface.fill(DARK)
-        self._surface.blit(line, line.get_rect(center=(width // 2, height // 2)))
+        self.lettering.write(self._surface, text, "medium", (width / 2, height / 2), WHITE, "center")
         bar = pygame.Rect(width // 4, height // 2 + height // 12, width // 2, max(height // 60, 2))
         pygame.draw.rect(self._surface, _EMPTY, bar)
         pygame.draw.rect(self._surface, BLUE, (*bar.topleft, round(done * bar.width), bar.height))
@@ -86,21 +81,12 @@ class Window:
         self, image: NDArray[np.uint8], state: HudState, map_image: NDArray[np.uint8] | None = None
     ) -> None:
         """Show an image (H, W, 3), scaled to the window, with its instruments."""
-        self._surface.blit(self._surface_of(self.scaled(image)), (0, 0))
+        if image.shape[1::-1] != self.size_px:
+            image = np.asarray(cv2.resize(image, self.size_px, interpolation=cv2.INTER_CUBIC), np.uint8)
+        self._surface.blit(self._surface_of(image), (0, 0))
         small = None if map_image is None else self._surface_of(map_image)
-        if self._hud is None:
-            # Here and not above: the window opens before all that the instruments need is loaded.
-            from recorder.window.hud import Hud
-
-            self._hud = Hud(self._pygame, self.size_px)
         self._hud.draw(self._surface, state, small)
         self._pygame.display.flip()
-
-    def scaled(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """An image (H, W, 3) as large as the window."""
-        if image.shape[1::-1] == self.size_px:
-            return image
-        return np.asarray(cv2.resize(image, self.size_px, interpolation=cv2.INTER_CUBIC), np.uint8)
 
     def paint(self, painter: Callable[[Any, Any], None]) -> None:
         """Show what a function draws, which gets pygame and the window's surface."""

@@ -14,6 +14,7 @@ from shared_fixtures.drives.episodes import header_of, write_drive
 
 from carlaloc_env.core.errors import EpisodeError
 from recorder.episode.episode import Episode, EpisodeWriter, open_episode, repair_episode
+from recorder.episode.writer import recording_path
 
 _CHILD = """
 import sys, time, numpy as np
@@ -43,6 +44,8 @@ def test_killed_recordings_are_readable_up_to_the_last_second(tmp_path: Path) ->
         assert child.stdout is not None
         child.stdout.readline()
         time.sleep(rng.uniform(0.0, 1.6))
+        with pytest.raises(EpisodeError, match="is still being recorded"):
+            repair_episode(path)
         os.kill(child.pid, signal.SIGKILL)
         rest, _ = child.communicate()
         printed = [int(line) for line in rest.splitlines() if line]
@@ -58,6 +61,27 @@ def test_killed_recordings_are_readable_up_to_the_last_second(tmp_path: Path) ->
         assert whole.path == path
         assert whole.complete
         assert whole.ego.tobytes() == episode.ego.tobytes()
+        assert not recording_path(path).exists()
+
+
+def test_a_recording_stays_where_it_is_not_the_whole_or_no_recording(tmp_path: Path) -> None:
+    """One that is damaged in its middle may be worth more than what can be read of it today."""
+    path = tmp_path / "a.mcap"
+    part = recording_path(path)
+    writer = EpisodeWriter(path, header_of(2))
+    write_drive(writer, 900, 2)
+    writer.abandon()
+    data = bytearray(part.read_bytes())
+    data[len(data) // 2] ^= 1
+    part.write_bytes(data)
+    episode = open_episode(part)
+    assert "damaged" in (episode.problem or "")
+    assert repair_episode(part).ego.tobytes() == episode.ego.tobytes()
+    assert part.read_bytes() == data
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(data)
+    assert repair_episode(copy).path == tmp_path / "copy_repaired.mcap"
+    assert copy.read_bytes() == data
 
 
 def test_file_cut_or_damaged_anywhere_is_never_misread(tmp_path: Path) -> None:

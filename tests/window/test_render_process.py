@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -25,7 +26,8 @@ from carlaloc_env.traffic.population import traffic_of_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.window.cockpit import present_of
 from recorder.window.hud import DriveStatus
-from recorder.window.render_process import LiveView, RenderProcess
+from recorder.window.render_process import FIRST_PX, LiveView, RenderProcess
+from recorder.window.window import WINDOW_PX
 
 pytest.importorskip("moderngl")
 ALONE = """
@@ -87,6 +89,14 @@ def test_pictures_of_the_other_process_and_its_end(world: DrivingWorld) -> None:
         own: list[NDArray[np.uint8]] = []
         here.image(snapshots[0], "seat", own.append)
         np.testing.assert_array_equal(lit, own[0])
+        renderer.ask(snapshots[0], "seat", photo=True)
+        photo = renderer.image(None)
+        assert photo is not None
+        assert photo.shape == (*WINDOW_PX[::-1], 3)
+        smaller = cv2.resize(photo, FIRST_PX, interpolation=cv2.INTER_AREA)
+        assert np.corrcoef(smaller.ravel(), lit.ravel())[0, 1] > 0.9, "it shows the same"
+        enlarged = cv2.resize(lit, WINDOW_PX, interpolation=cv2.INTER_CUBIC)
+        assert cv2.Laplacian(photo, cv2.CV_64F).std() > 1.3 * cv2.Laplacian(enlarged, cv2.CV_64F).std()
         road = np.s_[150:220, 160:320]
         assert lit[road].mean() > 1.25 * dark[road].mean(), "the low beams are seen on the road"
         assert renderer.idle

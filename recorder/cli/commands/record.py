@@ -199,6 +199,9 @@ def _drive_again(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def show(result: dict[str, Any]) -> None:
     """Print what was recorded."""
+    # Here and not above: a window opens before this is loaded.
+    from recorder.drive.session import SLOW
+
     if "profile" in result:
         print(f"calibrated; the profile is {result['profile']}")
     elif "first_difference_tick" in result:
@@ -214,6 +217,8 @@ def show(result: dict[str, Any]) -> None:
             print(f"  an attempt given up is in {path}")
         for path in result["photos"]:
             print(f"  photo: {path}")
+        if result["passed_mps"] is not None:
+            print(f"  the end of the route was passed at {3.6 * result['passed_mps']:.0f} km/h")
         if result["stuck"]:
             print("  the car made no progress for five minutes; try another --seed or a longer --duration")
         from recorder.drive.session import SLOW
