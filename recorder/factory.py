@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,6 +21,7 @@ from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
 from carlaloc_env.core.files.output_paths import atomic_write, check_output_folder, claim, remove
+from carlaloc_env.core.jit import usable_cores
 from carlaloc_env.town.sources import ALIASES, known_towns
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, SEQUENCE, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
@@ -120,7 +120,7 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
     kept = sum(path.stat().st_size for path in there)
     lengths_s = {town: length_s(config, town) for town in config.towns}
     cost = replay_cost(
-        config.replay, [(s, s) for s in lengths_s.values()], config.replay.workers or os.cpu_count() or 1
+        config.replay, [(s, s) for s in lengths_s.values()], config.replay.workers or len(usable_cores())
     )
     cost.check(config.out, kept_bytes=kept)
     return DatasetPlan(
