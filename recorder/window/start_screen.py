@@ -226,8 +226,10 @@ class StartScreen:
         """Name of what is connected of a device, or which one is asked for; empty where nothing is."""
         if device in _ALWAYS_THERE:
             return _ALWAYS_THERE[device]
+        if self._roles[device].question:
+            return "several are connected: turn the one that steers"
         steering = self._roles[device].of("steer")
-        return self._roles[device].question or (steering[0].name if steering else "")
+        return steering[0].name if steering else ""
 
     def _draw(self, pygame: Any, surface: Any) -> None:
         width, height = surface.get_size()
