@@ -1,4 +1,4 @@
-"""Scores an estimated trajectory against the truth.
+"""Scores an estimated trajectory against the truth, and names causes of errors in files and settings.
 
 When an estimate counts as failed; the paper prints "fail" without a rule, so here is one.
 
