@@ -324,8 +324,8 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
     """
     (out / WORK).mkdir(parents=True, exist_ok=True)
     with (out / WORK / "recipe.json").open("a+", encoding="utf-8") as file:
-        if (other := claim(out / WORK / OWNER, file)) is not None:
-            raise WriterError(busy(out, other))
+        if (holder := claim(out / WORK / OWNER, file)) is not None:
+            raise WriterError(busy(out, holder))
         file.seek(0)
         text = file.read()
         found: Any = json.loads(text) if text else {}
