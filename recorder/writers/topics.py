@@ -248,7 +248,7 @@ MESSAGE_BYTES = {
     "image_32fc3": 12.0, "image_instances": 4.0, "event_array": 5.0, "points": 22.0, "points_labelled": 27.0,
     "points_of_the_town": 22.0, "video": 0.05, "cloud_draco": 1.75, "depth_png": 0.11, "tags_png": 0.02,
 }  # fmt: skip
-"""Size of a pixel or point in a message [bytes]; the last four, and events, by measurement."""
+"""Size of a pixel or point in a message [bytes]; the last four as in docs/formats.md, events assumed."""
 PACKED = ("video", "cloud_draco", "depth_png", "tags_png")
 """Messages that no bag makes smaller."""
 BAG_SHARES = {
@@ -261,7 +261,8 @@ FILE_BYTES: dict[str, dict[type[Sample], float]] = {
     "dsec": {Events: 2.0, DepthImage: 0.2},
     "raw": {Image: 1.0, DepthImage: 1.9, FlowImage: 4.0, NormalImage: 6.0, Events: 1.8, PointCloud: 25.0},
 }
-"""Size of a pixel or point in the files of a format [bytes]; measured in Town03."""
+"""Size of a pixel or point in the files of a format [bytes]; of EuRoC, KITTI's clouds and `raw` measured in
+Town03; of DSEC, KITTI's pictures, flow and normals assumed."""
 
 
 def pixels_hz(config: CameraConfig) -> float:

@@ -13,6 +13,7 @@ from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
 from recorder.episode.mcap_container import ContainerWriter
 from recorder.episode.messages import RecordType
+from recorder.episode.summary import summarise
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])
@@ -91,3 +92,15 @@ def test_foreign_files_are_refused(tmp_path: Path) -> None:
     other.finish()
     with pytest.raises(EpisodeError, match="no header"):
         Episode.load(tmp_path / "b.mcap")
+
+
+@pytest.mark.parametrize(("device", "judged"), [("scripted", False), ("keyboard", None), ("mine", None)])
+def test_only_the_scripted_driver_is_held_to_the_papers_length(
+    device: str, judged: bool | None, tmp_path: Path
+) -> None:
+    """A person may take a detour; the table's length stays in the summary."""
+    header = EpisodeHeader(map_name="Town03", device=device, route={"table_length_m": 970.0})
+    with EpisodeWriter(tmp_path / "a.mcap", header) as writer:
+        write_drive(writer, 11, 0)
+    summary = summarise(Episode.load(tmp_path / "a.mcap"))
+    assert (summary.meets_table, summary.table_length_m) == (judged, 970.0)

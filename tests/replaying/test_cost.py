@@ -7,6 +7,7 @@ import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import WriterError
+from recorder.cli.commands import record
 from recorder.cli.main import main
 from recorder.replaying.plan import SIZE_ERROR, ReplayCost, ReplayOptions, plan_replay, replay_cost, size_of
 from recorder.replaying.replay import replay
@@ -94,3 +95,14 @@ def test_an_interrupted_replay_needs_the_rest_alone(
     with pytest.raises(WriterError, match="make room"):
         cost.check(tmp_path)
     cost.check(tmp_path, kept_bytes=needed // 2)
+
+
+def test_a_drive_that_no_disk_holds_is_refused_before_it_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    full = shutil.disk_usage("/")._replace(free=100_000)
+    monkeypatch.setattr(record, "disk_usage", lambda _: full)
+    assert main(["record", "--map", "Town03", "--duration", "60", "--out", str(tmp_path / "a.mcap")]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "60 s of driving need about 5 MB (within a factor of 2), and 0 MB are free" in line
+    assert not list(tmp_path.iterdir())

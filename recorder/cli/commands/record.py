@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from recorder.window.start_screen import Opening
 
 BYTES_S, START_S, SPEED, FACTOR = 9e4, 20.0, 5.0, 2
-"""Size of a second of a drive, time until the first, seconds that the scripted driver drives in one, and the
-factor within which these are right; measured in the towns' traffic."""
+"""Size of a second of a drive (70 and 100 kB in Town10 and Town03), time until the first, seconds that the
+scripted driver drives in one (both assumed), and the factor within which these are meant to be right."""
 _TOWN, _WEATHER, _TRAFFIC = "Town03", "ClearNoon", "dynamic"
 
 

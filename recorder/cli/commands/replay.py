@@ -26,7 +26,7 @@ from recorder.cli.arguments import (
 from recorder.cli.terminal import Progress, announced
 
 if TYPE_CHECKING:
-    from recorder.replaying.plan import ReplayConfig
+    from recorder.replaying.plan import ReplayConfig, ReplayCost
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,23 +43,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
-    from recorder.replaying.replay import ReplayConfig, replay
+    from recorder.replaying.plan import ReplayConfig, size_of
+    from recorder.replaying.replay import replay
 
     config = config_of(
         ReplayConfig, arguments, **replay_options(arguments), start_s=arguments.start,
         duration_s=arguments.duration, camera_start_s=arguments.camera_start,
         camera_duration_s=arguments.camera_duration,
     )  # fmt: skip
-    found = []
+    found: list[Any] = []
     replays = _of_noise_seeds(config, arguments.noise_seeds)
-    for number, replayed in enumerate(replays, start=1):
-        later_s = _later_s(config, len(replays) - number)
+
+    def announce(cost: ReplayCost) -> None:
+        """Before the first replay, for all of them."""
+        count = len(replays)
+        cost = replace(cost, written_bytes=count * cost.written_bytes, seconds=count * cost.seconds)
+        cost.check(config.out, kept_bytes=size_of(config.out))
+        announced(cost)
+
+    for replayed in replays:
         with Progress("replaying") as progress:
-            found.append(
-                replay(
-                    replayed, progress.update, later_s=later_s, announce=announced if number == 1 else None
-                )
-            )
+            found.append(replay(replayed, progress.update, announce=None if found else announce))
     samples: Counter[str] = Counter()
     for result in found:
         samples.update(result.samples)
@@ -81,16 +85,6 @@ def _of_noise_seeds(config: ReplayConfig, count: int) -> list[ReplayConfig]:
     if first is None:
         first = open_episode(config.episode).header.seed
     return [replace(config, seed=first + k, out=config.out / f"seed{first + k}") for k in range(count)]
-
-
-def _later_s(config: ReplayConfig, count: int) -> list[float]:
-    """Lengths of as many replays of the same stretch [s]."""
-    if count == 0:
-        return []
-    from recorder.episode.episode import open_episode
-
-    whole_s = open_episode(config.episode).duration_s - config.start_s
-    return [min(config.duration_s or whole_s, whole_s)] * count
 
 
 def show(result: dict[str, Any]) -> None:
