@@ -27,7 +27,7 @@ from carlaloc_env.samples import (
     WheelTicks,
 )
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.lidar.scan_pattern import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig
 
 
 @dataclass(frozen=True, slots=True)
