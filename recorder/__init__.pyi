@@ -48,6 +48,7 @@ from recorder.writers.formats.euroc import EurocEncoder as EurocEncoder
 from recorder.writers.formats.euroc import EurocWriter as EurocWriter
 from recorder.writers.formats.kitti import KittiEncoder as KittiEncoder
 from recorder.writers.formats.kitti import KittiWriter as KittiWriter
+from recorder.writers.rig_calibration import RigCalibration as RigCalibration
 from recorder.writers.ros.messages import ENCODERS as ENCODERS
 from recorder.writers.ros.messages import MessageMaker as MessageMaker
 from recorder.writers.ros.rosbag1 import Ros1Encoder as Ros1Encoder

@@ -1,6 +1,6 @@
 """GNSS: the antenna's true position on the WGS84 ellipsoid, with white noise or the errors of a receiver.
 
-Navigation satellites: where they stand in the sky, and what a least-squares position makes of them.
+Navigation satellites: their places in the sky, and errors of the least-squares position of them.
 """
 
 from __future__ import annotations

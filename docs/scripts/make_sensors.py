@@ -141,7 +141,7 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
 
 
 def _method(sensor: Any) -> str:
-    """Docstrings of a sensor and, where it has a module of its own, of that."""
+    """Docstrings of a sensor, and of its module where that holds no other sensor."""
     about = [] if _shares_its_module(sensor) else [_doc(inspect.getmodule(type(sensor)))]
     return "\n\n".join([*about, _doc(type(sensor))])
 
@@ -150,7 +150,7 @@ def _shares_its_module(sensor: Any) -> bool:
     """Whether a module holds other sensors, too, so that its docstring is not about this one alone."""
     module = inspect.getmodule(type(sensor))
     classes = inspect.getmembers(module, lambda found: inspect.isclass(found) and issubclass(found, Sensor))
-    return sum(found.__module__ == type(sensor).__module__ for _, found in classes) > 1
+    return len([name for name, found in classes if found.__module__ == type(sensor).__module__]) > 1
 
 
 def _inputs(sensor: Any) -> str:
