@@ -20,7 +20,6 @@ from recorder.replaying.conditions import Condition, Recipe
 from recorder.replaying.spool import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, write_text
 from recorder.writers.calibration.files import calibration_texts, write_calibration
-from recorder.writers.formats.dsec import DsecDisparityEncoder, DsecDisparityWriter
 from recorder.writers.formats.euroc import EurocEncoder, EurocWriter, write_state_csv
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
 from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter, shown_streams
@@ -120,7 +119,12 @@ def _bags(
 
 def _dsec(path: str, calibration: RigCalibration, streams: Streams) -> list[Output]:
     # Imported where it is asked for: every worker would hold the libraries of HDF5.
-    from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
+    from recorder.writers.formats.dsec import (
+        DsecDisparityEncoder,
+        DsecDisparityWriter,
+        DsecEncoder,
+        DsecWriter,
+    )
 
     outputs = [
         Output(DsecEncoder(stream), DsecWriter, f"{path}/events/{stream.removeprefix('events_')}/events.h5")

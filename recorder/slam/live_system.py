@@ -61,7 +61,7 @@ class LiveSystem(AbstractContextManager["LiveSystem"]):
         job = {"method": str(method), "rig": rig.to_yaml(), "connection": other.fileno()}
         (work / "job.json").write_text(json.dumps(job), encoding="utf-8")
         threads = len(usable_cores())
-        self._process = start_worker("live_worker", work / "job.json", self._log, threads, other)
+        self._process = start_worker("live_system", work / "job.json", self._log, threads, other)
         self._is_ready = False
 
     def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:

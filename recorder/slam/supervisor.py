@@ -112,7 +112,7 @@ def start_worker(
     """Start a module of `recorder.slam` in a process of its own, below a keeper.
 
     Args:
-        module: Name of the module, ``worker`` or ``live_worker``.
+        module: Name of the module, ``worker`` or ``live_system``.
         job: File with its job.
         log: File that receives all that it prints.
         threads: Threads of libraries that compute.

@@ -287,7 +287,7 @@ def test_an_ended_process_leaves_no_orphan_and_the_same_command_goes_on(
             assert time.monotonic() < until, who
             time.sleep(0.05)
         if who == "Ctrl-C":
-            assert "interrupted; 0 of 1 runs are kept, and the same command goes on" in printed
+            assert "interrupted; 0 of 1 runs are kept, and the same command resumes" in printed
             assert "Traceback" not in printed
     assert first.returncode == 1
     assert "the feed ended with -9" in printed
