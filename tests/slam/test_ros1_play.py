@@ -162,8 +162,8 @@ def test_a_node_that_is_not_built_is_named(data: Path) -> None:
 
 
 def test_a_node_that_hangs_is_ended(data: Path) -> None:
-    score = played(data, "answer(cloud) if seen < 4 else time.sleep(600)", options="silence_s: 10,")
-    assert str(score.failed).startswith("no pose for 10 s; log: ")
+    score = played(data, "answer(cloud) if seen < 4 else time.sleep(600)", options="silence_s: 2,")
+    assert str(score.failed).startswith("no pose for 2 s; log: ")
 
 
 def test_nothing_of_a_node_outlives_it_and_all_is_counted(data: Path) -> None:
