@@ -173,7 +173,7 @@ def test_late_clouds_come_in_their_turn(tmp_path: Path, order: list[int], kind: 
         for at_ns, number in enumerate(order):
             small.header.stamp.sec = 1000 + number
             bag.write(link, at_ns, pack(small, clouds.CLOUD))
-    stamps_s = [scan.stamp_ns // 10**9 - 1000 for _, scan in read_scans(tmp_path / "a.bag")]
+    stamps_s = [scan.stamp_ns // 10**9 - 1000 for _, scan in read_scans(tmp_path / "a.bag", topic=TOPIC)]
     assert stamps_s == sorted(order)
 
 

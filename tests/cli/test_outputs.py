@@ -9,6 +9,7 @@ from shared_fixtures.processes.commands import all_commands, is_output, required
 from carlaloc_env.core.errors import OutputError
 from carlaloc_env.core.files.output_paths import check_output_file, check_output_folder
 from recorder.cli import arguments
+from recorder.cli.commands.evaluate import body_transform
 from recorder.cli.main import main
 
 CONTENT = b"bytes of a drive that nobody can make again"
@@ -19,7 +20,7 @@ OUTPUTS = [
     if is_output(action)
 ]
 NAMES_THAT_ARE_READ = {
-    "action", "align", "cluster", "device", "drop", "fault", "map", "method", "over", "quality", "quaternion",
+    "action", "align", "cluster", "device", "name", "drop", "fault", "map", "method", "over", "quality", "quaternion",
     "rig", "sensor", "time_field", "time_unit", "topic", "topics", "town", "traffic", "truth_quaternion",
     "truth_time_unit", "truth_topic", "weather",
 }  # fmt: skip
@@ -27,6 +28,7 @@ NAMES_THAT_ARE_READ = {
 VALUES = (
     int, float, arguments.names, arguments.number, arguments.numbers, arguments.seconds,
     arguments.positive_seconds, arguments.positive_int, arguments.seed, arguments.number_or_search,
+    body_transform,
 )  # fmt: skip
 
 Words, Parser, Action = tuple[str, ...], argparse.ArgumentParser, argparse.Action

@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--time-offset", number_or_search, "S", "added to the stamps [s], or search", 0.0)
     parser.add_argument(
         "--estimate-to-truth",
-        type=_body_transform,
+        type=body_transform,
         metavar="R,P,Y",
         help="turn of the estimate's body frame in the truth's [deg], or its extrinsic X,Y,Z,QX,QY,QZ,QW "
         "[m], or auto (default: none); --estimate-to-truth=-90,0,-90",
@@ -181,7 +181,7 @@ def _judge_maps(
     return [judged.to_mapping() for judged in found], pictures
 
 
-def _body_transform(text: str) -> list[list[float]] | str:
+def body_transform(text: str) -> list[list[float]] | str:
     """Rows of the matrix that maps the estimate's body frame to the truth's, or the word `auto`."""
     if text == "auto":
         return text

@@ -8,8 +8,8 @@ import pytest
 from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.town import sources
 from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.opendrive import xml_document
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
 TEXT = CROSSING.read_text(encoding="utf-8")
@@ -127,7 +127,7 @@ def test_entity_bombs_are_refused_at_once() -> None:
 
 
 def test_file_above_the_limit_is_refused(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xml_document, "FILE_LIMIT_BYTES", 1 << 20)
+    monkeypatch.setattr(sources, "FILE_LIMIT_BYTES", 1 << 20)
     large = tmp_path / "large.xodr"
     large.write_bytes(b"<OpenDRIVE>" + b" " * (1 << 20) + b"</OpenDRIVE>")
     with pytest.raises(MapError, match="larger than 1 MB"):
