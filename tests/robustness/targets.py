@@ -234,7 +234,11 @@ def _point_cloud() -> Target:
     ]
     cloud = st.builds(
         SimpleNamespace,
-        header=st.builds(SimpleNamespace, stamp=st.builds(SimpleNamespace, sec=whole, nanosec=whole)),
+        header=st.builds(
+            SimpleNamespace,
+            stamp=st.builds(SimpleNamespace, sec=whole, nanosec=whole),
+            frame_id=st.text(max_size=8),
+        ),
         fields=st.lists(field, max_size=3).flatmap(lambda drawn: st.permutations([*drawn, *good])),
         is_bigendian=st.booleans(),
         height=st.one_of(st.just(1), whole),
