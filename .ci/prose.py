@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ("examples", "benchmarks", "docs")
 """Folders whose docstrings and tutorials are checked besides the pages."""
-PACKAGES: tuple[str, ...] = ()
+PACKAGES: tuple[str, ...] = ("carlaloc_env", "recorder")
 """Folders whose names in code are checked."""
 WORDS_MAX = 35
 NUMBERS_MAX = 6

@@ -26,12 +26,14 @@ LONG = tuple(
     f"tests/{place}"
     for place in (
         *("whole/", "streaming/", "replaying/", "envs/", "benchmark/", "robustness/", "window/", "drive/"),
-        *("sweep/", "breaking/", "closed_loop/"),
+        *("sweep/", "breaking/", "closed_loop/", "places/", "consistency/", "map_truth/test_map_commands.py"),
+        *("demo/", "factory/", "verification/", "writers/test_full_disks.py", "cli/test_closed_pipe.py"),
+        *("render/lighting/test_sunlit_lanes.py", "rigs/test_industrial_camera.py"),
         *("slam/test_keeper.py", "slam/test_external_programs.py", "slam/test_ros1_play.py"),
         "writers/ros/test_ros_tools.py",
     )
 )
-"""Where tests start processes, replays, environments, windows, or programs of others.
+"""Where tests start processes, replays, environments, windows or programs of others, or draw for long.
 
 `make test` leaves these places out, `make test-long` runs them.
 """
