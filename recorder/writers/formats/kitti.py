@@ -151,6 +151,7 @@ class KittiWriter(Writer):
         self._waiting: deque[_Sweep] = deque()
         self._moving = np.zeros(0, np.uint32)
         self._frames: dict[int, int] = {}
+        self._early: list[Piece] = []
         self._T_first: Array | None = None
         self._tables: dict[str, TextIO] = {}
 
@@ -178,10 +179,24 @@ class KittiWriter(Writer):
             self._frames[piece.stamp_ns] = len(self._frames)
             rows = np.frombuffer(piece.data, _ROW)
             self._waiting.append(_Sweep(piece.stamp_ns, int(piece.kind), rows, self._moving))
-        elif piece.stamp_ns in self._frames:
-            # KITTI cannot hold an image between the beginnings of sweeps.
-            name = f"{self._frames[piece.stamp_ns]:06d}.png"
-            (self._part / piece.place / name).write_bytes(piece.data)
+            self._put_images()
+        else:
+            # A camera may come before the LiDAR of the same instant.
+            self._early.append(piece)
+            self._put_images()
+
+    def _put_images(self) -> None:
+        """Write images of frames; KITTI cannot hold an image between the beginnings of sweeps."""
+        for piece in self._early:
+            if piece.stamp_ns in self._frames:
+                name = f"{self._frames[piece.stamp_ns]:06d}.png"
+                (self._part / piece.place / name).write_bytes(piece.data)
+        newest_ns = max((piece.stamp_ns for piece in self._early), default=0)
+        self._early = [
+            piece
+            for piece in self._early
+            if piece.stamp_ns == newest_ns and piece.stamp_ns not in self._frames
+        ]
 
     def _flush(self, known_ns: int) -> None:
         """Write the clouds whose whole sweep lies before a time [ns]."""

@@ -93,6 +93,16 @@ def test_frames_are_numbered_and_equally_many(folder: Path) -> None:
     assert image[0, 0].tolist() == [3, 2, 3]
 
 
+def test_images_may_come_before_the_cloud_of_their_instant(folder: Path, tmp_path: Path) -> None:
+    """As from rigs whose cameras stand before their LiDAR."""
+    samples = sorted(drive(rig()), key=lambda sample: (sample.stamp_ns, not isinstance(sample, Image)))
+    early = write_all(KittiWriter(tmp_path / "kitti", KittiEncoder(rig())), samples)
+    names = sorted(path.name for path in (folder / "image_2").iterdir())
+    assert sorted(path.name for path in (early / "image_2").iterdir()) == names
+    for name in names:
+        assert (early / "image_2" / name).read_bytes() == (folder / "image_2" / name).read_bytes()
+
+
 def test_poses_as_evo_reads_them(folder: Path) -> None:
     evo = pytest.importorskip("evo.tools.file_interface")
     poses = evo.read_kitti_poses_file(str(folder / "poses.txt")).poses_se3
