@@ -7,10 +7,7 @@ A recorded drive, step by step, as views of agents and the referee see a living 
 
 from __future__ import annotations
 
-import errno
-import os
 import re
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from copy import deepcopy
@@ -27,7 +24,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError, unknown_name
 from carlaloc_env.core.files.config_files import from_mapping
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.output_paths import atomic_write, check_space
 from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.envs.base_env import plain
@@ -241,7 +238,7 @@ def write_minari(
                     storage = MinariStorage.new((part / "data").resolve(), *kinds, jpeg_encoding=False)
                 count = 0
                 for chunk in converted.chunks(number):
-                    _check_space(part, _bytes_of(chunk.observations))
+                    check_space(part, _bytes_of(chunk.observations))
                     storage.update_episodes([chunk])
                     count += len(chunk)
                     if progress is not None:
@@ -340,20 +337,6 @@ def _stacked(seen: Sequence[Any]) -> Any:
     if isinstance(seen[0], dict):
         return {key: _stacked([observation[key] for observation in seen]) for key in seen[0]}
     return np.array(seen)
-
-
-_SPARE_BYTES = 32 << 20
-"""Room for HDF5's tables and begun chunks."""
-
-
-def _check_space(folder: Path, size_bytes: int) -> None:
-    """Make sure that a disk takes a chunk: HDF5 crashes when one is full while it closes a file.
-
-    Raises:
-        OSError: there is too little room.
-    """
-    if shutil.disk_usage(folder).free < 2 * size_bytes + _SPARE_BYTES:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _bytes_of(values: Any) -> int:

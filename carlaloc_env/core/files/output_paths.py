@@ -15,6 +15,7 @@ Locks on files that the kernel lets go of however the process ends, and claims t
 exclude nobody.
 """
 
+import errno
 import logging
 import os
 import platform
@@ -313,3 +314,17 @@ def check_episode_output(path: Path, *, overwrite: bool = False) -> Path:
 def repair_command(path: Path) -> str:
     """Command that makes a whole episode of the recording of `path`."""
     return f"carlaloc info --repair {recording_path(path)}"
+
+
+_SPARE_BYTES = 32 << 20
+"""Room for HDF5's tables and begun chunks [bytes]."""
+
+
+def check_space(folder: Path, size_bytes: int) -> None:
+    """Make sure that a disk takes a chunk: HDF5 crashes when one is full while it closes a file.
+
+    Raises:
+        OSError: there is too little room.
+    """
+    if shutil.disk_usage(folder).free < 2 * size_bytes + _SPARE_BYTES:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
