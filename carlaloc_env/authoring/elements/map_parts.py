@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass, field
 
-from maps.authoring.elements.cross_sections import LanePlan, SectionPlan
-from maps.authoring.geometry.elevation import Record, height_at
-from maps.authoring.geometry.plan_view_curves import Path, Pose
+from carlaloc_env.authoring.elements.cross_sections import LanePlan, SectionPlan
+from carlaloc_env.authoring.geometry.elevation import Record, height_at
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Pose
 
 _OUTER = ("shoulder", "sidewalk", "biking", "parking")
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maps.authoring.geometry.newton import PlanError, solve
+from carlaloc_env.authoring.geometry.newton import PlanError, solve
 
 _NODES, _WEIGHTS = (tuple(float(v) for v in a) for a in np.polynomial.legendre.leggauss(16))
 _SPIRAL_FRACTION = 0.18  # part of a corner's heading change that each of its two clothoids takes

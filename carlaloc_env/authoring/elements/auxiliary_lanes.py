@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from maps.authoring.elements.cross_sections import (
+from carlaloc_env.authoring.elements.cross_sections import (
     CrossSection,
     LanePlan,
     Records,
@@ -15,8 +15,8 @@ from maps.authoring.elements.cross_sections import (
     link_sections,
     solid_before_junction,
 )
-from maps.authoring.geometry.elevation import moved_cubic
-from maps.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.elevation import moved_cubic
+from carlaloc_env.authoring.geometry.newton import PlanError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, field
 
-from maps.authoring.elements.auxiliary_lanes import ExtraLane
-from maps.authoring.elements.cross_sections import CrossSection
-from maps.authoring.elements.ramps import Gore, OnRay
-from maps.authoring.elements.roundabouts import RoundaboutShape
-from maps.authoring.geometry.elevation import Climb, Dip, Profile
-from maps.authoring.geometry.junction_planes import Plane
-from maps.authoring.geometry.plan_view_curves import Path
+from carlaloc_env.authoring.elements.auxiliary_lanes import ExtraLane
+from carlaloc_env.authoring.elements.cross_sections import CrossSection
+from carlaloc_env.authoring.elements.ramps import Gore, OnRay
+from carlaloc_env.authoring.elements.roundabouts import RoundaboutShape
+from carlaloc_env.authoring.geometry.elevation import Climb, Dip, Profile
+from carlaloc_env.authoring.geometry.junction_planes import Plane
+from carlaloc_env.authoring.geometry.plan_view_curves import Path
 
 
 @dataclass(slots=True, kw_only=True)

@@ -3,19 +3,26 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from maps.authoring.elements import junction_furniture
-from maps.authoring.elements.ids import JUNCTION, Numbers
-from maps.authoring.elements.junctions import Movement, build_junction, connect
-from maps.authoring.elements.map_parts import ControllerPart, JunctionPart, Leg, Link, RoadPart, leg_of
-from maps.authoring.elements.ramps import Gore, build_gore, gore_lines
-from maps.authoring.elements.roundabouts import RoundaboutShape, build_roundabout
-from maps.authoring.geometry.newton import PlanError
-from maps.authoring.geometry.path_operations import u_turn
-from maps.authoring.geometry.plan_view_curves import turning_bulb
-from maps.authoring.layout import Laid, lay_out
-from maps.authoring.opendrive_writer import opendrive_text
-from maps.authoring.plan import Node, TownPlan
-from maps.authoring.road_splitting import road_parts
+from carlaloc_env.authoring.elements import junction_furniture
+from carlaloc_env.authoring.elements.ids import JUNCTION, Numbers
+from carlaloc_env.authoring.elements.junctions import Movement, build_junction, connect
+from carlaloc_env.authoring.elements.map_parts import (
+    ControllerPart,
+    JunctionPart,
+    Leg,
+    Link,
+    RoadPart,
+    leg_of,
+)
+from carlaloc_env.authoring.elements.ramps import Gore, build_gore, gore_lines
+from carlaloc_env.authoring.elements.roundabouts import RoundaboutShape, build_roundabout
+from carlaloc_env.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.path_operations import u_turn
+from carlaloc_env.authoring.geometry.plan_view_curves import turning_bulb
+from carlaloc_env.authoring.layout import Laid, lay_out
+from carlaloc_env.authoring.opendrive_writer import opendrive_text
+from carlaloc_env.authoring.plan import Node, TownPlan
+from carlaloc_env.authoring.road_splitting import road_parts
 
 SIGNED_M = 60.0
 """Shorter parts between gores carry no speed signs [m]."""

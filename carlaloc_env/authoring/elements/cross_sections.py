@@ -4,8 +4,8 @@ import itertools
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from maps.authoring.geometry.elevation import Cubic, moved_cubic
-from maps.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.elevation import Cubic, moved_cubic
+from carlaloc_env.authoring.geometry.newton import PlanError
 
 Records = tuple[tuple[float, Cubic], ...]
 """(ds, a b c d) of a quantity along a section; each holds up to the next."""

@@ -4,10 +4,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from maps.authoring.geometry.elevation import Record, height_at, hermite
-from maps.authoring.geometry.newton import PlanError
-from maps.authoring.geometry.path_operations import curvature
-from maps.authoring.geometry.plan_view_curves import Path, Pose
+from carlaloc_env.authoring.geometry.elevation import Record, height_at, hermite
+from carlaloc_env.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.path_operations import curvature
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Pose
 
 STEP_M = 0.5
 """Distance of the points at which a bend is compared with the plane [m]."""

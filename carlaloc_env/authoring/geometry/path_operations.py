@@ -2,8 +2,8 @@
 
 import math
 
-from maps.authoring.geometry.newton import PlanError
-from maps.authoring.geometry.plan_view_curves import Path, Piece, Pose, wrap
+from carlaloc_env.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose, wrap
 
 
 def curvature(path: Path, s: float) -> float:

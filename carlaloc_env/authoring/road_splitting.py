@@ -1,15 +1,15 @@
 """Cutting a laid-out road at its gores into the roads of the map."""
 
-from maps.authoring.elements.auxiliary_lanes import add_extra_lanes
-from maps.authoring.elements.cross_sections import road_sections
-from maps.authoring.elements.ids import OBJECT, ROAD, Numbers
-from maps.authoring.elements.map_parts import RoadPart, StretchPart
-from maps.authoring.elements.ramps import Gore, auxiliary_lanes
-from maps.authoring.geometry.elevation import Record, cut_profile
-from maps.authoring.geometry.newton import PlanError
-from maps.authoring.geometry.path_operations import cut
-from maps.authoring.geometry.plan_view_curves import Path
-from maps.authoring.layout import Laid, along, nearest
+from carlaloc_env.authoring.elements.auxiliary_lanes import add_extra_lanes
+from carlaloc_env.authoring.elements.cross_sections import road_sections
+from carlaloc_env.authoring.elements.ids import OBJECT, ROAD, Numbers
+from carlaloc_env.authoring.elements.map_parts import RoadPart, StretchPart
+from carlaloc_env.authoring.elements.ramps import Gore, auxiliary_lanes
+from carlaloc_env.authoring.geometry.elevation import Record, cut_profile
+from carlaloc_env.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.path_operations import cut
+from carlaloc_env.authoring.geometry.plan_view_curves import Path
+from carlaloc_env.authoring.layout import Laid, along, nearest
 
 
 def road_parts(laid: Laid, numbers: Numbers) -> list[RoadPart]:

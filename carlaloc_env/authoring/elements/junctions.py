@@ -4,13 +4,27 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from maps.authoring.elements.cross_sections import NONE, LanePlan, Mark, SectionPlan, blend, border_mark
-from maps.authoring.elements.ids import Numbers
-from maps.authoring.elements.map_parts import Border, ConnectionPart, JunctionPart, Leg, Link, RoadPart
-from maps.authoring.geometry.elevation import Record, hermite, level
-from maps.authoring.geometry.junction_planes import Plane, in_plane
-from maps.authoring.geometry.newton import PlanError
-from maps.authoring.geometry.plan_view_curves import Path, curve_between, wrap
+from carlaloc_env.authoring.elements.cross_sections import (
+    NONE,
+    LanePlan,
+    Mark,
+    SectionPlan,
+    blend,
+    border_mark,
+)
+from carlaloc_env.authoring.elements.ids import Numbers
+from carlaloc_env.authoring.elements.map_parts import (
+    Border,
+    ConnectionPart,
+    JunctionPart,
+    Leg,
+    Link,
+    RoadPart,
+)
+from carlaloc_env.authoring.geometry.elevation import Record, hermite, level
+from carlaloc_env.authoring.geometry.junction_planes import Plane, in_plane
+from carlaloc_env.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, curve_between, wrap
 
 _STRAIGHT_RAD = math.radians(40)
 

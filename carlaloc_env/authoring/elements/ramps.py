@@ -13,15 +13,15 @@ the traffic against s. `at_m` counts along the road's axis from its node a to th
 from dataclasses import dataclass
 from typing import ClassVar
 
-from maps.authoring.elements.auxiliary_lanes import ExtraLane
-from maps.authoring.elements.cross_sections import CrossSection, Mark
-from maps.authoring.elements.ids import Numbers
-from maps.authoring.elements.junctions import connect
-from maps.authoring.elements.map_parts import JunctionPart, Leg, RoadPart
-from maps.authoring.geometry.junction_planes import Plane
-from maps.authoring.geometry.newton import PlanError
-from maps.authoring.geometry.path_operations import backwards, curvature, cut, shifted
-from maps.authoring.geometry.plan_view_curves import Path, Piece, Pose
+from carlaloc_env.authoring.elements.auxiliary_lanes import ExtraLane
+from carlaloc_env.authoring.elements.cross_sections import CrossSection, Mark
+from carlaloc_env.authoring.elements.ids import Numbers
+from carlaloc_env.authoring.elements.junctions import connect
+from carlaloc_env.authoring.elements.map_parts import JunctionPart, Leg, RoadPart
+from carlaloc_env.authoring.geometry.junction_planes import Plane
+from carlaloc_env.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.path_operations import backwards, curvature, cut, shifted
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose
 
 NOSE_GAP_M = 0.1
 """Clear distance between the shoulders of road and ramp where they part [m]."""

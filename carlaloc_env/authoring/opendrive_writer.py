@@ -5,8 +5,8 @@ from collections.abc import Iterable
 
 from lxml import etree
 
-from maps.authoring.elements.cross_sections import LanePlan, Mark, SectionPlan
-from maps.authoring.elements.map_parts import (
+from carlaloc_env.authoring.elements.cross_sections import LanePlan, Mark, SectionPlan
+from carlaloc_env.authoring.elements.map_parts import (
     ControllerPart,
     JunctionPart,
     Link,
@@ -14,8 +14,8 @@ from maps.authoring.elements.map_parts import (
     RoadPart,
     SignalPart,
 )
-from maps.authoring.geometry.elevation import Cubic, moved_cubic
-from maps.authoring.geometry.plan_view_curves import Piece, Pose
+from carlaloc_env.authoring.geometry.elevation import Cubic, moved_cubic
+from carlaloc_env.authoring.geometry.plan_view_curves import Piece, Pose
 
 DATE = "2025-01-01T00:00:00"
 """Date in every header, so that a file says nothing of when it was written."""

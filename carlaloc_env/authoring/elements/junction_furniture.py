@@ -3,10 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from carlaloc_env.town.lanes.lanes import SIGN_CODES
-from maps.authoring.elements.ids import CONTROLLER, OBJECT, SIGNAL, Numbers
-from maps.authoring.elements.junctions import Movement, turn_angle
-from maps.authoring.elements.map_parts import (
+from carlaloc_env.authoring.elements.ids import CONTROLLER, OBJECT, SIGNAL, Numbers
+from carlaloc_env.authoring.elements.junctions import Movement, turn_angle
+from carlaloc_env.authoring.elements.map_parts import (
     Border,
     ControllerPart,
     JunctionPart,
@@ -15,6 +14,7 @@ from maps.authoring.elements.map_parts import (
     RoadPart,
     SignalPart,
 )
+from carlaloc_env.town.lanes.lanes import SIGN_CODES
 
 LIGHT, STOP, YIELD, SPEED = "1000001", SIGN_CODES["stop"], SIGN_CODES["yield"], SIGN_CODES["speed"]
 """OpenDRIVE's type of traffic lights, and of the signs that are written."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from maps.authoring.elements.cross_sections import (
+from carlaloc_env.authoring.elements.cross_sections import (
     NONE,
     SIDEWALK_HEIGHT_M,
     LanePlan,
@@ -13,12 +13,12 @@ from maps.authoring.elements.cross_sections import (
     border_mark,
     constant,
 )
-from maps.authoring.elements.ids import JUNCTION, ROAD, Numbers
-from maps.authoring.elements.junctions import connect
-from maps.authoring.elements.map_parts import JunctionPart, Leg, Link, RoadPart, leg_of
-from maps.authoring.geometry.elevation import level
-from maps.authoring.geometry.junction_planes import Plane
-from maps.authoring.geometry.plan_view_curves import Path, Piece, Pose, mirrored, ring_entry, wrap
+from carlaloc_env.authoring.elements.ids import JUNCTION, ROAD, Numbers
+from carlaloc_env.authoring.elements.junctions import connect
+from carlaloc_env.authoring.elements.map_parts import JunctionPart, Leg, Link, RoadPart, leg_of
+from carlaloc_env.authoring.geometry.elevation import level
+from carlaloc_env.authoring.geometry.junction_planes import Plane
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose, mirrored, ring_entry, wrap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

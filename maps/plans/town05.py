@@ -15,11 +15,11 @@ join it in the north. West and south are east and north turned by half a circle.
 import itertools
 import math
 
-from maps.authoring.elements.cross_sections import CrossSection
-from maps.authoring.elements.ramps import Exit, Gore, Merge, OnRay, ramp_end
-from maps.authoring.geometry.elevation import Profile
-from maps.authoring.geometry.plan_view_curves import Path, Piece, fillet
-from maps.authoring.plan import TownPlan
+from carlaloc_env.authoring.elements.cross_sections import CrossSection
+from carlaloc_env.authoring.elements.ramps import Exit, Gore, Merge, OnRay, ramp_end
+from carlaloc_env.authoring.geometry.elevation import Profile
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, fillet
+from carlaloc_env.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=41.88 +lon_0=-87.63 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 """Projection of the map: transverse Mercator about its origin."""

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from maps.authoring.elements.junctions import setbacks
-from maps.authoring.elements.ramps import Gore, OnRay, RampEnd, ramp_end
-from maps.authoring.geometry.elevation import (
+from carlaloc_env.authoring.elements.junctions import setbacks
+from carlaloc_env.authoring.elements.ramps import Gore, OnRay, RampEnd, ramp_end
+from carlaloc_env.authoring.geometry.elevation import (
     Climb,
     Dip,
     Profile,
@@ -23,13 +23,13 @@ from maps.authoring.geometry.elevation import (
     smooth,
     vertical_curves,
 )
-from maps.authoring.geometry.junction_planes import leaning
-from maps.authoring.geometry.newton import PlanError
-from maps.authoring.geometry.path_operations import meeting
-from maps.authoring.geometry.plan_view_curves import Path, Pose, curve_between, fillet
+from carlaloc_env.authoring.geometry.junction_planes import leaning
+from carlaloc_env.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.path_operations import meeting
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Pose, curve_between, fillet
 
 if TYPE_CHECKING:
-    from maps.authoring.plan import RoadPlan, TownPlan
+    from carlaloc_env.authoring.plan import RoadPlan, TownPlan
 
 WALKERS_SETBACK_M = 1.5
 """Half the length of the junction that stands for a crosswalk with lights between junctions [m]."""

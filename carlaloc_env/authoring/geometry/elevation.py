@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from maps.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.newton import PlanError
 
 Cubic = tuple[float, float, float, float]
 """a, b, c, d of a + b·ds + c·ds² + d·ds³."""
