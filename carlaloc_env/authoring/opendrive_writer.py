@@ -46,8 +46,10 @@ def opendrive_text(
     roads: Iterable[RoadPart],
     junctions: Iterable[JunctionPart],
     controllers: Iterable[ControllerPart],
+    *,
+    rule: str = "RHT",
 ) -> str:
-    """Whole file as text."""
+    """Whole file as text; `rule` is `LHT` where lanes of positive id run along s."""
     roads = list(roads)
     root = etree.Element("OpenDRIVE")
     box = _box(roads)
@@ -67,7 +69,7 @@ def opendrive_text(
     )
     _add(header, "geoReference").text = etree.CDATA(projection)
     for road in roads:
-        _road(root, road)
+        _road(root, road, rule)
     for controller in controllers:
         words = {"id": controller.id, "name": controller.name, "sequence": controller.sequence}
         element = _add(root, "controller", **words)
@@ -86,10 +88,10 @@ def _box(roads: Iterable[RoadPart]) -> tuple[float, float, float, float]:
     return round(min(xs), 2), round(min(ys), 2), round(max(xs), 2), round(max(ys), 2)
 
 
-def _road(root: etree._Element, road: RoadPart) -> None:
+def _road(root: etree._Element, road: RoadPart, rule: str) -> None:
     lengths = [round(piece.length, 10) for piece in road.path.pieces]
     total = math.fsum(lengths)
-    element = _add(root, "road", name=road.name, length=total, id=road.id, junction=road.junction, rule="RHT")
+    element = _add(root, "road", name=road.name, length=total, id=road.id, junction=road.junction, rule=rule)
     links = _add(element, "link")
     _link(links, "predecessor", road.predecessor)
     _link(links, "successor", road.successor)

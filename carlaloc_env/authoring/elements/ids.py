@@ -22,4 +22,6 @@ class Numbers:
         """Next connecting road of a junction."""
         key = f"junction {junction_id}"
         self.used[key] = self.used.get(key, 0) + 1
-        return 1000 * (junction_id - 100_000) + self.used[key]
+        index = junction_id - 100_000
+        # Those of the hundredth junction would be ids of junctions.
+        return 1000 * (index if index < 100 else index + 900) + self.used[key]

@@ -56,17 +56,19 @@ def mark_leg(leg: Leg, numbers: Numbers, *, crosswalk: bool, stop_line: bool) ->
     """Paint crosswalk and stop line of one leg; how far from its end the stop line's near edge lies [m]."""
     back = STOP_LINE_GAP_M
     if crosswalk:
-        kerbs = (-_kerb(leg.outgoing, leg.outgoing_outer), _kerb(leg.incoming, leg.incoming_outer))
-        centre = CROSSWALK_INSET_M + 0.5 * CROSSWALK_M
-        leg.road.objects.append(
-            _rectangle(numbers, leg, "crosswalk", "Crosswalk", centre, CROSSWALK_M, kerbs)
-        )
+        paint_crosswalk(leg, numbers, CROSSWALK_INSET_M + 0.5 * CROSSWALK_M)
         back = CROSSWALK_INSET_M + CROSSWALK_M + STOP_LINE_GAP_M
     if stop_line and leg.incoming:
         edges = (leg.incoming[0].right_m, leg.incoming[-1].right_m + leg.incoming[-1].width_m)
         centre = back + 0.5 * STOP_LINE_M
         leg.road.objects.append(_rectangle(numbers, leg, "roadMark", "StopLine", centre, STOP_LINE_M, edges))
     return back + STOP_LINE_M
+
+
+def paint_crosswalk(leg: Leg, numbers: Numbers, centre_m: float) -> None:
+    """Paint a crosswalk from kerb to kerb, whose middle lies so far before the end of the leg [m]."""
+    kerbs = (-_kerb(leg.outgoing, leg.outgoing_outer), _kerb(leg.incoming, leg.incoming_outer))
+    leg.road.objects.append(_rectangle(numbers, leg, "crosswalk", "Crosswalk", centre_m, CROSSWALK_M, kerbs))
 
 
 def paint_arrows(legs: Sequence[Leg], found: Sequence[Movement], numbers: Numbers, back_m: float) -> None:

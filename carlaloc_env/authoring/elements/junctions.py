@@ -26,7 +26,8 @@ from carlaloc_env.authoring.geometry.junction_planes import Plane, in_plane
 from carlaloc_env.authoring.geometry.newton import PlanError
 from carlaloc_env.authoring.geometry.plan_view_curves import Path, curve_between, wrap
 
-_STRAIGHT_RAD = math.radians(40)
+STRAIGHT_RAD = math.radians(40)
+"""Movements that turn by less lead straight on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,20 +54,21 @@ def movements(legs: Sequence[Leg], no_left: Sequence[str] = ()) -> list[Movement
         for j, other in enumerate(legs):
             if j != i and other.outgoing and leg.incoming:
                 angle = turn_angle(leg, other)
-                key = "straight" if abs(angle) <= _STRAIGHT_RAD else "left" if angle > 0 else "right"
+                key = "straight" if abs(angle) <= STRAIGHT_RAD else "left" if angle > 0 else "right"
                 if key != "left" or leg.road.street not in no_left:
                     turns[key].append(j)
         for turn, targets in turns.items():
             for j in targets:
-                pairs = _pairs(leg, legs, j, turn, turns)
+                pairs = lane_pairs(leg, legs, j, turn, turns)
                 if pairs:
                     found.append(Movement(i, j, tuple(pairs), turn))
     return found
 
 
-def _pairs(
+def lane_pairs(
     leg: Leg, legs: Sequence[Leg], j: int, turn: str, turns: dict[str, list[int]]
 ) -> list[tuple[int, int]]:
+    """Lanes of a movement to leg j: pairs of indices from the left."""
     count, room = len(leg.incoming), len(legs[j].outgoing)
     lanes = list(range(1 if leg.pocket else 0, count))
     if turn == "left":
@@ -224,7 +226,7 @@ def setbacks(
         need = least_m
         for j, (other, other_kerb) in enumerate(zip(headings, kerbs, strict=True)):
             angle = abs(wrap(other - heading))
-            if i != j and angle < math.pi - _STRAIGHT_RAD:
+            if i != j and angle < math.pi - STRAIGHT_RAD:
                 crossing = (other_kerb + kerb * math.cos(angle)) / math.sin(angle)
                 need = max(need, crossing + corner_m / math.tan(angle / 2))
         result.append(need)

@@ -139,7 +139,7 @@ def wrap(angle: float) -> float:
     return math.pi - (math.pi - angle) % (2 * math.pi)
 
 
-def _corner(delta: float, tangent_m: float, fraction: float) -> list[Piece]:
+def corner(delta: float, tangent_m: float, fraction: float) -> list[Piece]:
     """Clothoid, arc, clothoid that turn by `delta` within `tangent_m` of the corner on both sides."""
     sign = math.copysign(1.0, delta)
     spiral, arc = 2 * fraction * abs(delta), (1 - 2 * fraction) * abs(delta)
@@ -164,7 +164,7 @@ def curve_between(start: Pose, end: Pose) -> Path:
     tangent = min(first, second)
     if tangent < 1.0:
         return Path(start, (_hermite(u, v, delta),))
-    pieces = [Piece(first - tangent), *_corner(delta, tangent, _SPIRAL_FRACTION), Piece(second - tangent)]
+    pieces = [Piece(first - tangent), *corner(delta, tangent, _SPIRAL_FRACTION), Piece(second - tangent)]
     return Path(start, _tidy(pieces))
 
 
@@ -205,7 +205,7 @@ def fillet(points: Sequence[tuple[float, float]], corners: Sequence[tuple[float,
     for i, (radius, spiral) in enumerate(corners):
         delta = wrap(headings[i + 1] - headings[i])
         fraction = spiral / (2 * radius * abs(delta))
-        unit = _corner(delta, 1.0, fraction)
+        unit = corner(delta, 1.0, fraction)
         scale = radius * abs(unit[1].k0)
         bends.append([Piece(p.length * scale, p.k0 / scale, p.k1 / scale) for p in unit])
         reach.append(scale)
