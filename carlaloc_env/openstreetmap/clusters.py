@@ -1,4 +1,4 @@
-"""Junctions: nodes that are too close for roads between them become one, and every leg ends where it is free."""
+"""Junctions: nodes too close for roads between them become one, and every leg ends where it is free."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tags of a street say: lanes, widths, limits, sidewalks; and what classes say where tags are missing."""
+"""What tags of a street say: lanes, widths, limits, sidewalks; and what its class says where none does."""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import shapely
 
@@ -112,7 +114,7 @@ def _rising(shell: Shell, outline: Area, z: float, rise_m: float, power: float) 
     rises = [
         z - drop + (rise_m + drop) * (1.0 - (1.0 - s) ** (1.0 / power) if power < 1.0 else s) for s in STEPS
     ]
-    for k, (low, high) in enumerate(zip(insets, insets[1:], strict=False)):
+    for k, (low, high) in enumerate(itertools.pairwise(insets)):
         _ring(shell, low, high, rises[k], rises[k + 1])
     for part in polygons_of(insets[-1]):
         add_level(shell, part, rises[-1], *shell.look.roof)
