@@ -23,8 +23,9 @@ from carlaloc_env.openstreetmap.features import MOST_BUILDINGS, Feature, Feature
 from carlaloc_env.openstreetmap.furniture import furnish
 from carlaloc_env.openstreetmap.heights import LayeredHeights, find_heights
 from carlaloc_env.openstreetmap.road_graph import Chain, RoadGraph, build_graph
-from carlaloc_env.openstreetmap.road_network import RoadNetwork, settle
+from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.settings import settings_text
+from carlaloc_env.openstreetmap.settling import settle
 from carlaloc_env.openstreetmap.tags import Street, read_street
 
 FILES = ("town.xodr", "town.toml", "features.geojson", "LICENCE", "report.json", "preview.png")

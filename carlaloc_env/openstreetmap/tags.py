@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from carlaloc_env.openstreetmap.countries import Country
@@ -251,8 +250,3 @@ def signed_nodes(extract_tags: Tags) -> str:
     if kind == "crossing":
         return "lit crossing" if extract_tags.get("crossing") == "traffic_signals" else "crossing"
     return {"stop": "stop", "give_way": "give_way"}.get(kind, "")
-
-
-def widest(streets: Sequence[Street]) -> Street:
-    """The street of the highest class among several."""
-    return max(streets, key=lambda street: street.rank)

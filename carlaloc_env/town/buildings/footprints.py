@@ -42,6 +42,8 @@ CLEAR_M = 0.15
 """Distance of houses from carriageways [m]."""
 PASSAGE_M2 = 12.0
 """Houses over more of a carriageway than this have a passage; others are cut [m²]."""
+DETAIL_M = 8.0
+"""Above this height windows are flush with their wall: cities have many [m]."""
 LEAST_M2 = 4.0
 """Smaller remains are left out [m²]."""
 STYLE_OF_USE = {
@@ -310,7 +312,7 @@ def _style(feature: MappedFeature, outline: Area, zones: Zones, draw: np.random.
     # What stands out of a rectangle's front would hang over the corners of other outlines.
     kept = tuple(o for o in style.ornaments if o in ("shutters", "plinth", "bands", "spandrels", "quoins"))
     reach = (min(style.cornice_m[0], 0.12), style.cornice_m[1])
-    return replace(style, ornaments=kept, cornice_m=reach if reach[0] > 0 else style.cornice_m)
+    return replace(style, ornaments=kept, cornice_m=reach, balconies=0.4 * style.balconies, detail_m=DETAIL_M)
 
 
 def _look(feature: MappedFeature, style: Style, draw: np.random.Generator) -> Appearance:
