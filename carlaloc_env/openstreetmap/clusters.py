@@ -23,14 +23,16 @@ ROAD_M = 4.0
 """Shortest road between two junctions [m]."""
 SWALLOWED_M = 60.0
 """Longer roads are never part of a junction [m]."""
-WIDEST_M = 110.0
+WIDEST_M = 75.0
 """Largest extent of a junction's nodes [m]."""
 TURN_M = 6.45
 """Radius sought for the middle of a turning lane [m]."""
 FARTHEST_M = 40.0
 """Turns are made wider until legs end this far from their node [m]."""
-REACH_M = 130.0
-"""How far the ends of legs may lie from their node [m]."""
+REACH_M, SLOW_REACH_M = 130.0, 24.0
+"""How far the ends of legs may lie from their node, on fast and on other streets [m]."""
+FAST_RANK = 4
+"""Rank of fast streets."""
 GAP_M = 0.6
 """Distance of the carriageways of two legs where they end [m]."""
 _FACING = math.radians(140.0)
@@ -191,7 +193,8 @@ def _set_back(cluster: Cluster, chains: Sequence[Chain]) -> None:
 def _apart(a: End, b: End) -> None:
     """Move both ends away until their carriageways do not meet."""
     limits = [float(shapely.LineString(e.line).length) for e in (a, b)]
-    reach = min(REACH_M, *limits)
+    fast = max(a.street.rank, b.street.rank) >= FAST_RANK
+    reach = min(REACH_M if fast else SLOW_REACH_M, *limits)
     if reach < 1.0:
         return
     s = np.arange(0.0, reach, _STEP_M)
