@@ -25,8 +25,8 @@ SWALLOWED_M, SLOW_SWALLOWED_M = 60.0, 24.0
 """Longer roads, fast and other ones, are never part of a junction [m]."""
 WIDEST_M = 75.0
 """Largest extent of a junction's nodes [m]."""
-TURN_M = 6.45
-"""Radius sought for the middle of a turning lane [m]."""
+TURN_M = 7.8
+"""Radius sought for the middle of a turning lane, so that rear wheels stay off kerbs [m]."""
 FARTHEST_M = 40.0
 """Turns are made wider until legs end this far from their node [m]."""
 REACH_M, SLOW_REACH_M = 130.0, 24.0
