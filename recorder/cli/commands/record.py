@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--map", help="town, or a .xodr file (default: Town03; with --from the one that was driven on)"
     )
-    parser.add_argument("--device", help="scripted, wheel, gamepad or keyboard (default: scripted)")
+    parser.add_argument("--device", help="scripted, hand, wheel, gamepad or keyboard (default: scripted)")
     parser.add_argument(
         "--choose",
         action=argparse.BooleanOptionalAction,
