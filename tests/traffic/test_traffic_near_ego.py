@@ -13,8 +13,8 @@ def test_a_stretch_among_others(tmp_path: Path) -> None:
     """The first 40 s."""
     found = drive(tmp_path, "Town03", duration_s=40.0)
     assert found.is_sound
-    assert found.moving_50 >= 3.5
-    assert found.summary.driven_m > 100.0
+    assert found.moving_50 >= 4.5
+    assert found.summary.driven_m > 80.0
 
 
 @pytest.mark.soak

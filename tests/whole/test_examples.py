@@ -235,7 +235,8 @@ def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.syspath_prepend(EXAMPLES)
     example = load("11_learn_from_the_driver")
     env = example.make_env(30.0)
-    ride = example.ride(env, 10_000, example.Pupil.load(EXAMPLES / "learning" / "town01_pupil.pt"))
+    pupil = example.Pupil.load(EXAMPLES / "learning" / "town01_pupil.pt")
+    ride = example.ride(env, 10_000, pupil, traffic="dynamic,green_wave=true")
     assert ride.ended_by == "time"
     assert ride.completion > 0.15
     env.close()
@@ -246,7 +247,7 @@ def test_the_agent_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
     monkeypatch.syspath_prepend(EXAMPLES)
     beside = load("20_drive_unseen_towns")
-    env = beside.drive_env(["Town01"], task={"time_limit_s": 30.0})
+    env = beside.drive_env(["Town01"], traffic="dynamic,green_wave=true", task={"time_limit_s": 30.0})
     agent = beside.new_agent(beside.DummyVecEnv([lambda: env]))
     beside.load(agent, EXAMPLES / "learning" / "town01_agent.pt")
     ride = beside.by_agent(env, lambda seen: beside.act(agent, seen), 10_000)
