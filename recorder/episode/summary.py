@@ -134,8 +134,9 @@ def _is_close(ego: NDArray[np.void], others: ActorFrame, size_m: NDArray[np.floa
     length, width = 0.5 * size_m[:, 0], 0.5 * size_m[:, 1]
     gap = away[..., 0] * cos + away[..., 1] * sin - length * along - width * across - EGO_FRONT_M
     beside = np.abs(away[..., 1] * cos - away[..., 0] * sin) - length * across - width * along
-    near = (gap > 0.0) & (gap < CLOSE_M)
-    return (near & (beside < 0.5 * EGO_SIZE_M[1]) & (np.abs(away[..., 2]) < _SAME_LEVEL_M)).any(axis=1)
+    near = (gap > 0.0) & (gap < CLOSE_M) & (np.abs(away[..., 2]) < _SAME_LEVEL_M)
+    close: NDArray[np.bool_] = (near & (beside < 0.5 * EGO_SIZE_M[1])).any(axis=1)
+    return close
 
 
 def summarise(episode: Episode) -> EpisodeSummary:
