@@ -36,6 +36,10 @@ OUTPUTS = ("cloud", "semantic")
 """Streams that a LiDAR can give."""
 
 
+OWN_ROOF_M, OWN_CAR_M = 2.0, 3.0
+"""Distances within which a LiDAR on the roof may see the car: roof and rack, bonnet and boot as well [m]."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverConfig:
     """How a LiDAR makes measurements of echoes; the defaults are those of the Velodyne HDL-32E.
@@ -43,11 +47,17 @@ class ReceiverConfig:
     Manual: the HDL-32E's user manual (63-9113), and "HDL32E Software Version 2.0 Description" (2012).
     """
 
-    reach_m: float = 50.0
+    reach_m: float = 70.0
     """Distance to which a surface of 10 % reflectance is seen face on [m].
 
-    Data sheet of the HDL-64E, whose lasers are of the same kind: 50 m for pavement of 10 %, 120 m for cars
-    and leaves of 80 %."""
+    Data sheet of the HDL-64E, whose lasers are of the same kind: 50 m for pavement of 10 %. A car's LiDAR sees
+    it at a slant that halves the pulse's height; face on it would be seen to 70 m."""
+    focus_m: float = 3.5
+    """Distance below which ever less of an echo falls on the detector [m]; intensities show it.
+
+    The share 1 − exp(−(R/focus_m)²) is that of Fang et al., "Intensity correction of terrestrial laser
+    scanning data by estimating laser transmission function" (2015). With 3.5 m roads are as much darker at
+    3 to 4.5 m as in nuScenes' scans."""
     pulse_m: float = 0.25
     """Standard deviation of the pulse along the ray, there and back [m]: Velodyne's 4 ns at half power."""
     weak_noise_m: float = 0.02
@@ -78,15 +88,15 @@ class ReceiverConfig:
 
     255/24: of 8 bits, with 24 as the threshold of noise in the manual of the HDL-64E S3 (63-HDL64ES3)."""
     beam_mrad: tuple[float, float] = (3.0, 1.5)
-    """Width of the beam along the scan and across it [mrad], Velodyne's for its sensors of this kind."""
+    """Width of the beam along the scan and across it [mrad]; manual of the VLS-128, whose beams are such."""
     edge_rays: int = 6
     """Rays besides the middle one of a beam whose neighbours lie elsewhere, so that edges mix; 0: none."""
     relief: bool = True
     """Whether waves of the ground shorter than 10 m, which wheels feel, are seen in ranges, too."""
 
     def __post_init__(self) -> None:
-        if min(self.reach_m, self.pulse_m, self.full_scale, *self.beam_mrad) <= 0:
-            raise ConfigError("receiver: reach_m, pulse_m, full_scale and beam_mrad must be above 0")
+        if min(self.reach_m, self.focus_m, self.pulse_m, self.full_scale, *self.beam_mrad) <= 0:
+            raise ConfigError("receiver: reach_m, focus_m, pulse_m, full_scale, beam_mrad must be above 0")
         sizes = (self.weak_noise_m, self.laser_offset_m, self.laser_gain, self.range_quantum_m)
         if min(*sizes, self.noise_amplitude, self.edge_rays) < 0 or not 1 <= self.power_levels <= 32:
             raise ConfigError("receiver: errors and edge_rays must be ≥ 0, power_levels 1 to 32")
@@ -122,6 +132,7 @@ class LidarConfig(SensorConfig):
             "range_noise_m": 0.0025,
             "attenuation_per_m": 0.0,
             "ego_returns": True,
+            "roof_rack": True,
             "receiver": ReceiverConfig(),
         },
     }
@@ -164,6 +175,8 @@ class LidarConfig(SensorConfig):
     """Whether fog, rain, spray and wet ground have effect; weak returns are dropped then."""
     ego_returns: bool = False
     """Whether hits on the ego's own body are reported; they always throw a shadow."""
+    roof_rack: bool = False
+    """Whether a rack with the housings of other sensors stands on the roof, which LiDARs alone see."""
     receiver: ReceiverConfig | None = None
     """Echoes as a real sensor measures them; None: as CARLA does, with noise that is the same everywhere."""
     outputs: tuple[str, ...] = OUTPUTS
@@ -215,6 +228,12 @@ class LidarConfig(SensorConfig):
         if "firing_ns" not in values:
             found["firing_ns"] = ()  # those of another number of beams
         return found
+
+    @property
+    def near_m(self) -> float:
+        """Distance from which returns are not of the car itself [m]; systems are told to use those alone."""
+        car_m = OWN_CAR_M if self.ego_returns else OWN_ROOF_M
+        return car_m if self.range_min_m < car_m < self.range_max_m else self.range_min_m
 
     @property
     def sweep_ns(self) -> int:

@@ -1,7 +1,6 @@
 """Beams of several rays: what they meet together, and which beams lie on edges."""
 
 from collections.abc import Callable, Iterator
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,18 +67,17 @@ def _axes(directions: Array) -> tuple[Array, Array]:
 
 
 def part_beams(directions: Array, receiver: ReceiverConfig) -> Iterator[Array]:
-    """Unit directions of some rays of equal energy in each of N Gaussian beams, each (N, 3).
+    """Unit directions of some rays of equal energy in each of N beams, evenly lit rectangles, each (N, 3).
 
     Args:
         directions: Unit directions of the beams' middles, shape (N, 3).
-        receiver: Has the beams' widths at 1/e², four standard deviations, and the number of rays.
+        receiver: Has the beams' widths and the number of rays.
     """
     sideways, above = _axes(directions)
-    normal = NormalDist(sigma=0.25)
     wide, tall = (1e-3 * width for width in receiver.beam_mrad)
     for k in range(receiver.edge_rays):
-        right = round(normal.inv_cdf((k + 0.5) / receiver.edge_rays), 6) * wide
-        up = (0.17 if k % 2 else -0.17) * tall
+        right = ((k + 0.5) / receiver.edge_rays - 0.5) * wide
+        up = (0.25 if k % 2 else -0.25) * tall
         moved = directions + right * sideways + up * above
         yield moved / np.sqrt(np.sum(moved * moved, axis=-1))[:, None]
 

@@ -20,6 +20,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from carlaloc_env.assets.vehicles.roof_rack import roof_rack
 from carlaloc_env.core import clock, elementary, transforms
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
@@ -158,7 +159,12 @@ class ScanPattern:
         They are the same in every sweep, since body and LiDAR are rigid.
         """
         origins = np.broadcast_to(self._T_base_lidar[:3, 3], self._directions_base.shape)
-        own = self._world.rays().cast_ego(origins, self._directions_base, self._config.range_max_m)
+        own = self._world.rays().cast_ego(
+            origins,
+            self._directions_base,
+            self._config.range_max_m,
+            roof_rack() if self._config.roof_rack else None,
+        )
         free = np.flatnonzero(~np.isfinite(own.range_m))
         return own, free, self.offset_ns[free].astype(np.int64)
 

@@ -21,7 +21,7 @@ from carlaloc_env.raycast import Hits
 from carlaloc_env.road.road_profile import RoughTable, level_at
 from carlaloc_env.road.rough_surface import class_level, wave_height
 from carlaloc_env.scene.materials import Material, Tag
-from carlaloc_env.sensors.lidar.atmosphere import FOCUS_M, GROUND_TAGS
+from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS
 from carlaloc_env.sensors.lidar.reflection import (
     GRAIN_M,
     ReflectionTable,
@@ -32,8 +32,8 @@ from carlaloc_env.sensors.lidar.reflection import (
 from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig
 
 ROAD_TAGS = (Tag.ROAD, Tag.ROAD_LINE)
-_SPREAD = 0.25
-"""Standard deviation of a beam's light over its full width."""
+_SPREAD = 1.0 / math.sqrt(12.0)
+"""Standard deviation of a beam's light over its width, evenly lit."""
 _SAMPLES, _LONG_MARK_M = 3, 0.125
 """Places along a beam's mark on the ground at which its height is read, if it is longer than this [m]."""
 _CLASSES = {
@@ -69,9 +69,9 @@ class ShotInputs(NamedTuple):
 class ReceiverTable(NamedTuple):
     """Constants of a receiver, for compiled functions."""
 
-    config: tuple[float, float, float, float, float, float, float]
-    """Amplitude per ρ/R² [m²], pulse [m], noise of strong and of weak echoes [m], noise of amplitudes,
-    smallest power, full scale."""
+    config: tuple[float, float, float, float, float, float, float, float]
+    """Amplitude per ρ/R² [m²], focus [m], pulse [m], noise of strong and of weak echoes [m], noise of
+    amplitudes, smallest power, full scale."""
     beam_rad: tuple[float, float]
     """Width of the beam along and across the scan [rad]."""
     quantum_m: float
@@ -137,6 +137,7 @@ def _table(config: LidarConfig, receiver: ReceiverConfig, errors: Array) -> Rece
     return ReceiverTable(
         config=(
             1.0 / least,
+            receiver.focus_m,
             receiver.pulse_m,
             config.range_noise_m,
             receiver.weak_noise_m,
@@ -166,7 +167,7 @@ def _receive(
         out_range_m: Receives ranges [m], shape (H,).
         out_intensity: Receives intensities, shape (H,).
     """
-    scale, pulse_m, strong_m, weak_m, hiss, least_power, full_scale = table.config
+    scale, focus_m, pulse_m, strong_m, weak_m, hiss, least_power, full_scale = table.config
     wide, tall = table.beam_rad
     for i in range(len(shots.range_m)):
         laser, r = shots.ring[i], float(shots.range_m[i])
@@ -179,7 +180,7 @@ def _receive(
         retro = shots.share[i] * table.reflection.retro[kind] * math.sqrt(cosine)
         slant_m = _SPREAD * tall * r * math.sqrt(1.0 - cosine * cosine) / cosine
         stretch = 1.0 / math.sqrt(1.0 + slant_m * slant_m / (2.0 * pulse_m * pulse_m))
-        focus = 1.0 - elementary_kernels.exp(-(r * r) / (FOCUS_M * FOCUS_M))
+        focus = 1.0 - elementary_kernels.exp(-(r * r) / (focus_m * focus_m))
         full = scale * (diffuse + 10.0 * retro) * stretch * focus / (r * r)
         noise = hiss * shots.normal[1, i]
         amplitude = power[laser] * full + noise
@@ -200,8 +201,8 @@ def _receive(
         measured_m += table.offset_m[laser] + table.gain[laser] * r + deviation_m * shots.normal[0, i]
         if table.quantum_m > 0.0:
             measured_m = table.quantum_m * math.floor(measured_m / table.quantum_m + 0.5)
-        # The sensor knows its own power and how light falls with distance, not the slant of surfaces.
-        bright = 100.0 * diffuse * stretch * (1.0 + noise / (amplitude - noise)) + 155.0 * retro
+        # The sensor knows its own power and R⁻², neither the slant of surfaces nor its focus.
+        bright = stretch * focus * (100.0 * diffuse * (1.0 + noise / (amplitude - noise)) + 155.0 * retro)
         bright = min(max(bright, 0.0), 255.0 if retro > 0.0 else 100.0)
         out_range_m[i] = measured_m
         out_intensity[i] = math.floor(bright + 0.5) if table.whole else bright

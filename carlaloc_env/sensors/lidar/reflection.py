@@ -28,6 +28,10 @@ from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.raycast import Hits
 from carlaloc_env.scene.materials import MATERIALS, Material
 
+_REFLECTANCE = {Material.ASPHALT: 0.10, Material.ASPHALT_MOTORWAY: 0.11, Material.ASPHALT_OLD: 0.13}
+"""Reflectance at 905 nm where it is not that of `MATERIALS`, which keeps the brighter roads of CARLA-Loc's rig.
+
+Velodyne's data sheets (HDL-64E) name 10 % for pavement; old asphalt is as much brighter as there."""
 _GRAINS: dict[Material, tuple[float, float]] = {
     **dict.fromkeys((Material.ASPHALT, Material.ASPHALT_OLD, Material.ASPHALT_MOTORWAY), (0.4, 0.6e-3)),
     **dict.fromkeys((Material.GRAVEL, Material.RUBBLE), (0.4, 0.6e-3)),
@@ -100,7 +104,8 @@ def reflection_table() -> ReflectionTable:
         info, share = MATERIALS[kind], _SCATTERED.get(kind, 1.0)
         a, b = oren_nayar(_SLOPES.get(kind, _SLOPE))
         law = (LOMMEL_SEELIGER, 0.0, 0.0) if kind in _GRAINS else (0.0, 1.0, b / a)
-        parts = info.reflectance * share, info.reflectance * (1.0 - share)
+        reflectance = _REFLECTANCE.get(kind, info.reflectance)
+        parts = reflectance * share, reflectance * (1.0 - share)
         rows.append((*parts, *law, info.roughness, info.retro, *_GRAINS.get(kind, (0.0, 0.0))))
     return ReflectionTable(*(np.ascontiguousarray(column) for column in np.array(rows).T))
 
