@@ -50,8 +50,8 @@ class ReceiverConfig:
     reach_m: float = 70.0
     """Distance to which a surface of 10 % reflectance is seen face on [m].
 
-    Data sheet of the HDL-64E, whose lasers are of the same kind: 50 m for pavement of 10 %. A car's LiDAR sees
-    it at a slant that halves the pulse's height; face on it would be seen to 70 m."""
+    Data sheet of the HDL-64E, whose lasers are of the same kind: 50 m for pavement of 10 %. A car's LiDAR
+    sees it at a slant that halves the pulse's height; face on it would be seen to 70 m."""
     focus_m: float = 3.5
     """Distance below which ever less of an echo falls on the detector [m]; intensities show it.
 

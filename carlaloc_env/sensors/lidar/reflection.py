@@ -29,9 +29,9 @@ from carlaloc_env.raycast import Hits
 from carlaloc_env.scene.materials import MATERIALS, Material
 
 _REFLECTANCE = {Material.ASPHALT: 0.10, Material.ASPHALT_MOTORWAY: 0.11, Material.ASPHALT_OLD: 0.13}
-"""Reflectance at 905 nm where it is not that of `MATERIALS`, which keeps the brighter roads of CARLA-Loc's rig.
+"""Hemispherical reflectance at 905 nm where it is not that of `MATERIALS`, whose roads are brighter.
 
-Velodyne's data sheets (HDL-64E) name 10 % for pavement; old asphalt is as much brighter as there."""
+Data sheets of Velodyne's name 10 % for pavement; old asphalt is as much brighter as in `MATERIALS`."""
 _GRAINS: dict[Material, tuple[float, float]] = {
     **dict.fromkeys((Material.ASPHALT, Material.ASPHALT_OLD, Material.ASPHALT_MOTORWAY), (0.4, 0.6e-3)),
     **dict.fromkeys((Material.GRAVEL, Material.RUBBLE), (0.4, 0.6e-3)),
