@@ -92,7 +92,7 @@ class ReceiverConfig:
     edge_rays: int = 6
     """Rays besides the middle one of a beam whose neighbours lie elsewhere, so that edges mix; 0: none."""
     relief: bool = True
-    """Whether waves of the ground shorter than 10 m, which wheels feel, are seen in ranges, too."""
+    """Whether the ground's grains and its waves shorter than 10 m, which wheels feel, show in ranges."""
 
     def __post_init__(self) -> None:
         if min(self.reach_m, self.focus_m, self.pulse_m, self.full_scale, *self.beam_mrad) <= 0:

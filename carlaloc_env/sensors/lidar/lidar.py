@@ -104,14 +104,15 @@ class ScanPattern:
         share, relief_m = np.ones(config.rays, np.float32), np.zeros(config.rays, np.float32)
         found = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
         if config.receiver:
-            range_m = body.range_m.copy()
-            range_m[free] = found.range_m
-            edges = np.flatnonzero(on_edges(range_m, config.columns)[free])
-            along = part_beams(aimed[edges, 3:].astype(np.float64), config.receiver)
-            mixed, share[free[edges]] = self._mixed(
-                found.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power
-            )
-            found.put(edges, mixed)
+            if config.receiver.edge_rays:
+                range_m = body.range_m.copy()
+                range_m[free] = found.range_m
+                edges = np.flatnonzero(on_edges(range_m, config.columns)[free])
+                along = part_beams(aimed[edges, 3:].astype(np.float64), config.receiver)
+                mixed, share[free[edges]] = self._mixed(
+                    found.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power
+                )
+                found.put(edges, mixed)
             if config.receiver.relief and self._world.roughness is not None:
                 place = (*world.middle_m[:2].tolist(), 1e-3 * config.receiver.beam_mrad[1])
                 relief_m[free] = ground_relief(aimed, found, self._world.roughness, place)

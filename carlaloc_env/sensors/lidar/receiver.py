@@ -150,7 +150,7 @@ def _table(config: LidarConfig, receiver: ReceiverConfig, errors: Array) -> Rece
         whole=receiver.whole_intensity,
         offset_m=np.ascontiguousarray(errors[0]),
         gain=np.ascontiguousarray(errors[1]),
-        reflection=reflection_table(),
+        reflection=reflection_table(grains=receiver.relief),
     )
 
 

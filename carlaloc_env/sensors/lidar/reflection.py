@@ -97,8 +97,8 @@ class ReflectionTable(NamedTuple):
     """Height of grains, rms [m]."""
 
 
-def reflection_table() -> ReflectionTable:
-    """Reflection of all materials of `Material`."""
+def reflection_table(*, grains: bool = True) -> ReflectionTable:
+    """Reflection of all materials of `Material`; without grains the ground is even to beams."""
     rows = []
     for kind in Material:
         info, share = MATERIALS[kind], _SCATTERED.get(kind, 1.0)
@@ -106,7 +106,8 @@ def reflection_table() -> ReflectionTable:
         law = (LOMMEL_SEELIGER, 0.0, 0.0) if kind in _GRAINS else (0.0, 1.0, b / a)
         reflectance = _REFLECTANCE.get(kind, info.reflectance)
         parts = reflectance * share, reflectance * (1.0 - share)
-        rows.append((*parts, *law, info.roughness, info.retro, *_GRAINS.get(kind, (0.0, 0.0))))
+        uneven = _GRAINS.get(kind, (0.0, 0.0)) if grains else (0.0, 0.0)
+        rows.append((*parts, *law, info.roughness, info.retro, *uneven))
     return ReflectionTable(*(np.ascontiguousarray(column) for column in np.array(rows).T))
 
 
