@@ -152,7 +152,7 @@ RIGS = {
 RIG_USES = {
     "paper": "to compare with the paper's results",
     "flu": "most SLAM systems: axes and LiDAR that they know",
-    "real": "visual SLAM as on a real car: noise, blur, lens",
+    "real": "SLAM as on a real car: noise, blur, lens, lost echoes",
     "minimal": "a first look",
     "lidar": "LiDAR SLAM and small files, without OpenGL",
     "state": "agents and drives without cameras and LiDAR",

@@ -142,7 +142,7 @@ def _table(config: LidarConfig, receiver: ReceiverConfig, errors: Array) -> Rece
             config.range_noise_m,
             receiver.weak_noise_m,
             receiver.noise_amplitude,
-            0.5 ** (receiver.power_levels - 1),
+            1.0 / (1 << (receiver.power_levels - 1)),
             receiver.full_scale,
         ),
         beam_rad=(1e-3 * receiver.beam_mrad[0], 1e-3 * receiver.beam_mrad[1]),
