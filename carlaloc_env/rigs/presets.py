@@ -13,6 +13,7 @@ after EMVA 1288: global shutter, pixels of 3.45 µm, 12 bits, SNR_max 40.2 dB, d
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
@@ -93,13 +94,13 @@ def flu_rig() -> SensorRig:
 
 
 def real_rig() -> SensorRig:
-    """The rig `flu` with industrial cameras: noise, exposure control, motion blur and a wide-angle lens."""
-    sensors = tuple(
-        replace(config, imager=industrial_imager(), shutter=industrial_shutter(), lens=wide_angle_lens())
-        if isinstance(config, CameraConfig)
-        else config
-        for config in flu_rig().sensors
-    )
+    """The rig `flu` with industrial cameras and the LiDAR's receiver: noise, blur, a lens, lost echoes."""
+    imaging = {"imager": industrial_imager(), "shutter": industrial_shutter(), "lens": wide_angle_lens()}
+    changes: dict[str, dict[str, Any]] = {
+        "camera": imaging,
+        "lidar": LidarConfig.preset_values("hdl32e_road"),
+    }
+    sensors = tuple(replace(config, **changes.get(config.kind, {})) for config in flu_rig().sensors)
     return SensorRig(name="real", sensors=sensors)
 
 
@@ -151,7 +152,7 @@ RIGS = {
 RIG_USES = {
     "paper": "to compare with the paper's results",
     "flu": "most SLAM systems: axes and LiDAR that they know",
-    "real": "visual SLAM as on a real car: noise, blur, lens",
+    "real": "SLAM as on a real car: noise, blur, lens, lost echoes",
     "minimal": "a first look",
     "lidar": "LiDAR SLAM and small files, without OpenGL",
     "state": "agents and drives without cameras and LiDAR",
