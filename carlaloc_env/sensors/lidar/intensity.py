@@ -122,13 +122,14 @@ class EchoModel:
 
     def strength(self, hits: Hits) -> F32:
         """Return strength 0–255: diffuse surfaces up to 100, retro-reflectors above (Velodyne's scale)."""
-        strength, seen = np.empty(len(hits), np.float32), (hits.range_m, hits.material, hits.cos_incidence)
+        strength = np.empty(len(hits), np.float32)
+        seen = hits.range_m, hits.material, hits.cos_incidence, hits.tone
         strengths(*seen, self._reflectance, self._retro, self._config.attenuation_per_m, strength)
         return strength
 
     def power(self, hits: Hits) -> Array:
         """Strength of echoes without their R⁻²: ρ·cosθ, and ten times as much for retro-reflectors."""
-        diffuse = self._reflectance[hits.material] * hits.cos_incidence
+        diffuse = self._reflectance[hits.material] * hits.tone * hits.cos_incidence
         return (diffuse + 10.0 * self._retro[hits.material]).astype(np.float64)
 
     def is_detected(self, hits: Hits) -> NDArray[np.bool_]:
