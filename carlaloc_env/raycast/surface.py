@@ -19,10 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import F32, Array
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.errors import RaycastError
 from carlaloc_env.core.files.array_cache import in_shared_memory, read_only
 from carlaloc_env.core.jit import compiled
+from carlaloc_env.raycast.foliage import GAP_M, leaf_depths
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.mottle import BEAM_RAD, mottle_table, tone_at
 
@@ -69,6 +71,10 @@ class Hits:
         return Hits(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
 
+_AHEAD_M = np.float32(0.005)
+"""Rays that have met a leaf go on from so far behind it [m]."""
+_LAYERS = 3
+"""Leaves behind one another up to which a ray is followed."""
 KEPT_FILES = 14
 """Cached files kept: a town has two, with and without parked cars."""
 
@@ -112,7 +118,45 @@ class Surface:
         self._labels = found["tag"], found["instance"], found["material"]
 
     def trace(self, rays: F32, range_max_m: float) -> Hits:
-        """First hits of rays given as origins [m] and directions in the triangles' frame, shape (N, 6)."""
+        """First hits of rays given as origins [m] and directions in the triangles' frame, shape (N, 6).
+
+        Leaves are met behind the outside of their crown, unless something solid is nearer.
+        """
+        hits = self._outsides(rays, range_max_m)
+        rows = np.flatnonzero(hits.material == Material.LEAF)
+        if len(rows):
+            self._enter_foliage(rows, rays[rows], hits)
+        return hits
+
+    def _enter_foliage(self, rows: Index, rays: F32, hits: Hits) -> None:
+        """Put what rays of some rows, shape (M, 6), meet in the foliage whose outside they have met.
+
+        A ray ends between two surfaces of one crown, at the last one where it leaves it, or at what is solid.
+        """
+        entered_m = hits.range_m[rows]
+        depth_m, entry_m = np.empty(len(rows)), rays[:, :3] + rays[:, 3:] * entered_m[:, None]
+        leaf_depths(entry_m, self._origin_m, depth_m)
+        end_m = (entered_m + depth_m).astype(np.float32)
+        last_m, left = entered_m.copy(), np.arange(len(rows))
+        for _ in range(_LAYERS):
+            onward = rays[left].copy()
+            onward[:, :3] += onward[:, 3:] * (last_m[left, None] + _AHEAD_M)
+            found = self._outsides(onward, GAP_M)
+            found.range_m[:] += last_m[left] + _AHEAD_M
+            inside, nearer = np.isfinite(found.range_m), found.range_m < end_m[left]
+            solid = nearer & (found.material != Material.LEAF)
+            hits.put(rows[left[solid]], found.take(solid))
+            within = left[inside & ~nearer]
+            hits.range_m[rows[within]] = end_m[within]
+            more = nearer & ~solid
+            last_m[left[more]] = found.range_m[more]
+            ends = left[more | ~inside]
+            hits.range_m[rows[ends]] = last_m[ends]
+            left = left[more]
+            if not len(left):
+                return
+
+    def _outsides(self, rays: F32, range_max_m: float) -> Hits:
         if self._scene is None or len(rays) == 0:
             return Hits.none(len(rays))
         answer = self._scene.cast_rays(self._tensor(rays))
@@ -181,7 +225,7 @@ def _read(
                 x = origin_m[0] + rays[i, 0] + float(distance_m) * rays[i, 3]
                 y = origin_m[1] + rays[i, 1] + float(distance_m) * rays[i, 4]
                 z = origin_m[2] + rays[i, 2] + float(distance_m) * rays[i, 5]
-                out_tone[i] = tone_at(x, y, z, normal, BEAM_RAD * distance_m, fine, dirt)
+                out_tone[i] = tone_at(x, y, z, normal, BEAM_RAD * float(distance_m), fine, dirt)
             out_range[i], out_cosine[i] = distance_m, min(cosine, 1.0)
             out_tag[i], out_instance[i], out_material[i] = tag[t], instance[t], material[t]
         else:
