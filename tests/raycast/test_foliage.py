@@ -43,14 +43,14 @@ def test_depths_belong_to_places_of_the_world() -> None:
     assert np.array_equal(depths((entry - moved).astype(np.float32), moved), depths(entry.astype(np.float32)))
     near = (entry + 0.2 * CELL_M).astype(np.float32)
     assert np.array_equal(depths(near), depths(entry.astype(np.float32)))
-    beside = depths((entry + [CELL_M, 0.0, 0.0]).astype(np.float32))
+    beside = depths((entry + np.array([CELL_M, 0.0, 0.0])).astype(np.float32))
     assert abs(np.corrcoef(beside, depths(entry.astype(np.float32)))[0, 1]) < 0.1
 
 
 def cast(scenery: Any, *boxes: Any) -> Hits:
     """Rays along x from a square at x = 0."""
     world = scenery.world(list(boxes))
-    side = np.random.default_rng(4).uniform(-3.0, 3.0, (6000, 2)) + [0.0, 4.0]
+    side = np.random.default_rng(4).uniform(-3.0, 3.0, (6000, 2)) + np.array([0.0, 4.0])
     origins = np.column_stack([np.zeros(6000), side])
     ahead = np.broadcast_to([1.0, 0.0, 0.0], (6000, 3))
     found: Hits = world.rays().cast(
