@@ -47,7 +47,7 @@ def test_clouds_are_white_where_the_sky_is_blue() -> None:
 
 
 def test_the_sun_is_as_wide_and_bright_as_buie_s_sunshape_until_it_is_cut() -> None:
-    """Within the disc all is cut; 20 mrad off, the aureole is e^κ·θ^γ of the disc; no sun by an overcast sky."""
+    """Within the disc all is cut; 30 mrad off, the aureole is e^κ·θ^γ of it; clouds hide both."""
     weather = replace(NOON, cloudiness=0.0, sun_altitude_angle=40.0)
     directions, _ = sky_model.hemisphere()
     light = sky_model.sky_light(weather)
