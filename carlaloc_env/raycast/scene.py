@@ -51,7 +51,7 @@ class RayScene:
             np.round(town.bounds_m.mean(axis=0, dtype=np.float64)) if len(town.triangles) else np.zeros(3)
         )
         """Origin of the coordinates of `trace` [m], world, shape (3,)."""
-        self._static = Surface(self._o3d, _moved(town, -self.middle_m), shared=True)
+        self._static = Surface(self._o3d, _moved(town, -self.middle_m), origin_m=self.middle_m, shared=True)
         self._models: dict[tuple[int, int], Surface] = {}
         self._extents: dict[int, Array] = {}
 

@@ -4,7 +4,7 @@ The paper does not print heights. Here the IMU lies in the cabin 1.5 m ahead of 
 cameras stand above the windscreen so that the bonnet shows at the bottom of the picture, and the
 LiDAR stands 0.4 m above the roof, whose shadow hides the ground near the car.
 
-A common industrial camera by its data sheet: Balluff BVS CA-SF2-0016Z with Sony's IMX273.
+A common industrial colour camera by its data sheet: Balluff BVS CA-SF2-0016Z with Sony's IMX273.
 
 The sheet (Technical Documentation BVS CA-SF, "mvBlueFOX3-2016", assets.balluff.com) gives, measured
 after EMVA 1288: global shutter, pixels of 3.45 µm, 12 bits, SNR_max 40.2 dB, dynamic range 71.4 dB.
@@ -53,6 +53,7 @@ def industrial_imager() -> ImagerConfig:
         full_well_e=round(saturation_capacity_e()),
         read_noise_e=round(temporal_dark_noise_e(), 2),
         adc_bits=ADC_BITS,
+        bayer=True,
         # The same lens and quantum efficiency over larger pixels than the default's 3 µm.
         electrons_per_cd_m2_s=round(plain.electrons_per_cd_m2_s * (PIXEL_UM / 3.0) ** 2),
     )

@@ -49,6 +49,8 @@ class ImagerConfig:
     """Exponent of the tone curve; 1 = linear."""
     vignetting: float = 0.3
     """Light lost at the farthest corner, as a share; it grows with the square of the distance."""
+    bayer: bool = False
+    """Whether each pixel sees one colour, in squares of RGGB, and the others are filled in from beside it."""
     restart_s: float = 5.0
     """The control begins anew, settled, at multiples of this time [s]."""
 

@@ -40,11 +40,24 @@ YAML, `preset: name` takes the values of a variant; the file's own values overri
 """
 REAL = """
 The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, use `real`. Its
-[cameras](../carlaloc_env/rigs/presets.py) have the noise of a data sheet after EMVA 1288,
+[cameras](../carlaloc_env/rigs/presets.py) have the noise of a data sheet after EMVA 1288, a colour filter,
 exposure control, motion blur and a wide-angle lens. At rest by day, 22 % of a picture's values repeat in
 the next picture; with the ideal camera, 72 % do. Its LiDAR has the [receiver](#receiverconfig) of an HDL-32E:
 dark and far surfaces are lost, edges mix, and lasers have errors that no calibration names. One return in six
 is of the own car. Settings of systems leave out returns within 3 m.
+
+## Surfaces
+
+Three properties of the world concern all rigs:
+
+* **Reflectance varies within metres.** The pattern is a function of the world's coordinates
+  ([`scene/mottle.py`](../carlaloc_env/scene/mottle.py)). On asphalt it deviates by 13 % for a LiDAR, as
+  measured on roads with an HDL-32E. Pictures have half of it.
+* **LiDAR beams get into foliage** by Beer and Lambert's law, with a mean path of 0.4 m
+  ([`raycast/foliage.py`](../carlaloc_env/raycast/foliage.py)). A depth picture has the outside of a crown. A
+  LiDAR's point lies up to 1.2 m behind it, and never outside the crown or behind something solid. All other
+  surfaces agree.
+* **The sun** has a disc and an aureole (Buie et al. 2003), which saturate pictures that look there.
 """
 PARTS = {"Mount": Mount, "Pinhole": Pinhole, "ReceiverConfig": ReceiverConfig}
 """Configurations that others hold."""

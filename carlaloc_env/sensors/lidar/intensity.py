@@ -132,7 +132,8 @@ class EchoModel:
         """Return strength 0–255: diffuse surfaces up to 100, retro-reflectors above (Velodyne's scale)."""
         if self._rough:
             return np.minimum(100.0 * self.power(hits), 255.0).astype(np.float32)
-        strength, seen = np.empty(len(hits), np.float32), (hits.range_m, hits.material, hits.cos_incidence)
+        strength = np.empty(len(hits), np.float32)
+        seen = hits.range_m, hits.material, hits.cos_incidence, hits.tone
         strengths(*seen, self._reflectance, self._retro, self._config.attenuation_per_m, strength)
         return strength
 
@@ -140,7 +141,7 @@ class EchoModel:
         """Strength of echoes without their R⁻²: ρ·cosθ, and ten times as much for retro-reflectors."""
         if self._rough:
             return echo_power(self._rough, hits)
-        diffuse = self._reflectance[hits.material] * hits.cos_incidence
+        diffuse = self._reflectance[hits.material] * hits.tone * hits.cos_incidence
         return (diffuse + 10.0 * self._retro[hits.material]).astype(np.float64)
 
     def is_detected(self, hits: Hits) -> NDArray[np.bool_]:

@@ -27,7 +27,6 @@ from carlaloc_env.sensors.lidar.reflection import (
     ReflectionTable,
     reflectance_towards_source,
     reflection_table,
-    tone_of,
 )
 from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig
 
@@ -124,7 +123,7 @@ class Receiver:
             range_m=hits.range_m,
             material=hits.material,
             cos_incidence=hits.cos_incidence,
-            share=share * tone_of(hits),
+            share=share * hits.tone,
             relief_m=relief_m,
             normal=normal,
         )

@@ -142,14 +142,8 @@ def reflectance_towards_source(table: ReflectionTable, kind: int, cosine: float)
 def echo_power(table: ReflectionTable, hits: Hits) -> Array:
     """Strength of echoes without their R⁻², ten times as much for retro-reflectors, of N hits, shape (N,)."""
     found = np.empty(len(hits))
-    _powers(table, hits.material, hits.cos_incidence, tone_of(hits), found)
+    _powers(table, hits.material, hits.cos_incidence, hits.tone, found)
     return found
-
-
-def tone_of(hits: Hits) -> F32:
-    """Reflectance at each hit over its material's mean, shape (N,)."""
-    tone: F32 = getattr(hits, "tone", np.ones(len(hits), np.float32))
-    return tone
 
 
 @compiled
