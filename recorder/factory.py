@@ -19,9 +19,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
 from carlaloc_env.core.files.output_paths import atomic_write, check_output_folder, claim, remove
 from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.rigs.presets import RIG_RIDES
 from carlaloc_env.town.sources import ALIASES, known_towns
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, SEQUENCE, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
@@ -201,6 +203,7 @@ def record_drive(
     *,
     seed: int,
     duration_s: float | None = None,
+    ride: str = DEFAULT_RIDE,
     progress: Callable[[float, float], None] | None = None,
 ) -> None:
     """Record a drive by the scripted driver; remains of an interrupted recording are deleted.
@@ -210,6 +213,7 @@ def record_drive(
         target: New episode.
         seed: Seed of traffic and driver.
         duration_s: Length [s]; None: to the end of the route.
+        ride: How the body answers to the road.
         progress: Called with seconds and metres driven.
 
     Raises:
@@ -222,7 +226,8 @@ def record_drive(
     target.parent.mkdir(parents=True, exist_ok=True)
     for rest in target.parent.glob(f"{target.name}.*"):
         rest.unlink()
-    record(RecordConfig(map=town, out=target, duration_s=duration_s, seed=seed), progress=progress)
+    config = RecordConfig(map=town, out=target, duration_s=duration_s, seed=seed, ride=ride)
+    record(config, progress=progress)
 
 
 WORK = ".carlaloc-dataset"
@@ -356,7 +361,9 @@ def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None
             shutil.copy(config.episodes / f"{town}.mcap", part)
         return
     duration_s = None if config.sample_s is None else SAMPLE_FROM_S + config.sample_s + 0.1
-    record_drive(town, target, seed=config.seed_of(town), duration_s=duration_s, progress=report.driving)
+    ride = RIG_RIDES.get(config.replay.rig, DEFAULT_RIDE)
+    seed = config.seed_of(town)
+    record_drive(town, target, seed=seed, duration_s=duration_s, ride=ride, progress=report.driving)
 
 
 def _make_drive(config: DatasetConfig, town: str, report: _DriveProgress, later_s: Sequence[float]) -> None:
