@@ -18,9 +18,11 @@ from pathlib import Path
 from statistics import median_low
 from typing import Any
 
+from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError, unknown_name
 from carlaloc_env.core.files.output_paths import atomic_write, check_output_folder, claim, remove
 from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.rigs.presets import RIG_RIDES
 from carlaloc_env.town.sources import ALIASES, known_towns
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, SEQUENCE, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
@@ -214,6 +216,7 @@ def record_drive(
     seed: int,
     duration_s: float | None = None,
     pace: str = "lights",
+    ride: str = DEFAULT_RIDE,
     progress: Callable[[float, float], None] | None = None,
 ) -> None:
     """Record a drive by the scripted driver; remains of an interrupted recording are deleted.
@@ -224,6 +227,7 @@ def record_drive(
         seed: Seed of traffic and driver.
         duration_s: Length [s]; None: to the end of the route.
         pace: One of `PACES`.
+        ride: How the body answers to the road.
         progress: Called with seconds and metres driven.
 
     Raises:
@@ -241,7 +245,7 @@ def record_drive(
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     config = RecordConfig(
         map=town, out=target, device="hand" if by_hand else "scripted", window=by_hand, seed=seed,
-        duration_s=duration_s, traffic=PACES[pace],
+        duration_s=duration_s, traffic=PACES[pace], ride=ride,
     )  # fmt: skip
     record(config, progress=progress)
 
@@ -378,8 +382,9 @@ def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None
             shutil.copy(config.episodes / f"{town}.mcap", part)
         return
     duration_s = None if config.sample_s is None else SAMPLE_FROM_S + config.sample_s + 0.1
+    ride = RIG_RIDES.get(config.replay.rig, DEFAULT_RIDE)
     record_drive(
-        town, target, seed=config.seed_of(town), duration_s=duration_s, pace=config.pace,
+        town, target, seed=config.seed_of(town), duration_s=duration_s, pace=config.pace, ride=ride,
         progress=report.driving,
     )  # fmt: skip
 

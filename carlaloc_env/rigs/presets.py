@@ -95,14 +95,14 @@ def flu_rig() -> SensorRig:
 
 
 def real_rig() -> SensorRig:
-    """The rig `flu` with industrial cameras and the LiDAR's receiver: noise, blur, a lens, lost echoes."""
+    """The rig `flu` with industrial cameras, the LiDAR's receiver and a second IMU of KITTI's grade."""
     imaging = {"imager": industrial_imager(), "shutter": industrial_shutter(), "lens": wide_angle_lens()}
     changes: dict[str, dict[str, Any]] = {
         "camera": imaging,
         "lidar": LidarConfig.preset_values("hdl32e_road"),
     }
     sensors = tuple(replace(config, **changes.get(config.kind, {})) for config in flu_rig().sensors)
-    return SensorRig(name="real", sensors=sensors)
+    return SensorRig(name="real", sensors=(*sensors, _kitti_imu()))
 
 
 def minimal_rig() -> SensorRig:
@@ -160,6 +160,8 @@ RIG_USES = {
     "dsec": "event cameras",
 }
 """The use of each named rig."""
+RIG_RIDES = {"real": "real"}
+"""Rides (`physics.params.RIDES`) with which drives are recorded for datasets of a rig."""
 
 
 def rig_by_name(rig: str | Path) -> SensorRig:
@@ -182,6 +184,12 @@ def _mount(forward_m: float, height_m: float, axes: str = "flu", left_m: float =
 
 def _imu(axes: str) -> ImuConfig:
     return ImuConfig(mount=_mount(0.0, IMU_Z_M, axes))
+
+
+def _kitti_imu() -> ImuConfig:
+    """An OXTS RT3003 at the place of KITTI's (calib_imu_to_velo.txt, and the figure of its car)."""
+    place = Mount(position_m=(-0.05, 0.32, 0.93))
+    return ImuConfig(name="oxts", mount=place, rate_hz=100.0, **ImuConfig.preset_values("rt3003"))
 
 
 def _gnss() -> GnssConfig:

@@ -58,6 +58,8 @@ class EpisodeSummary:
     """Hash of the town as it was built."""
     device: str
     """Who drove."""
+    ride: str
+    """How the body answered to the road."""
     seed: int
     """Seed of traffic and noise."""
     duration_s: float
@@ -165,6 +167,7 @@ def summarise(episode: Episode) -> EpisodeSummary:
         map=episode.header.map_name,
         town_hash=episode.header.town_hash,
         device=episode.header.device,
+        ride=episode.header.ride,
         seed=episode.header.seed,
         duration_s=episode.duration_s,
         driven_m=driven_m,

@@ -59,7 +59,7 @@ def show(result: dict[str, Any]) -> None:
     print(f"{result['path']}")
     print(f"  map        {result['map']} ({result['town_hash'][:12]})")
     route = "" if result["route_m"] is None else f", {result['route_m']:.1f} m along the route"
-    print(f"  drive      {result['duration_s']:.1f} s by {result['device']}")
+    print(f"  drive      {result['duration_s']:.1f} s by {result['device']}, ride {result['ride']}")
     print(f"  distance   {result['driven_m']:.1f} m driven{route}")
     if result["closure_m"] is not None:
         ends = f"ends {result['closure_m']:.1f} m and {result['closure_deg']:.1f}° from where it began"

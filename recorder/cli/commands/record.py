@@ -61,6 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--traffic", help="dynamic (default), static, empty or a fraction, with options: dynamic,walkers=0"
     )
+    parser.add_argument(
+        "--ride", default="standard", help="standard, or real: rolls and shakes as measured on cars"
+    )
     parser.add_argument("--weather", help="weather in the window, or a schedule.yaml (default: ClearNoon)")
     parser.add_argument(
         "--window",
