@@ -34,9 +34,7 @@ sensors:
 
 
 @pytest.fixture(scope="module")
-def sequences(
-    straight_drive: StraightDrive, tmp_path_factory: pytest.TempPathFactory
-) -> list[SequenceFolder]:
+def dynamic(straight_drive: StraightDrive, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A stretch with and without traffic, in two weathers, and the same samples as they are."""
     need_opengl()
     folder = tmp_path_factory.mktemp("colmap")
