@@ -318,10 +318,16 @@ def page_of_sequence(
         page.add_town(load_town(name), truth.position_m[::20])
     page.add_lanes(lane_lines_of(name))
     page.add_ego(truth.stamp_ns[::step], truth.position_m[::step], truth.quat_xyzw[::step])
-    page.add_path("truth", truth.position_m[::step], TRUTH)
+    if not estimates:
+        page.add_path("truth", truth.position_m[::step], TRUTH)
     for k, found in enumerate(estimates):
-        error = np.sqrt(np.mean(found.error_m**2))
-        page.add_path(f"{found.name}, {error:.3f} m", found.estimate_m, COLOURS[k % len(COLOURS)], 0.4)
+        # Paths of a sensor on the roof are drawn on the road, below it.
+        height_m = float(np.median(found.truth_m[:, 2] - truth.at(found.stamp_ns).position_m[:, 2]))
+        if k == 0:
+            page.add_path("truth", found.truth_m, TRUTH, 0.3 - height_m)
+        error_m = np.sqrt(np.mean(found.error_m**2))
+        colour = COLOURS[k % len(COLOURS)]
+        page.add_path(f"{found.name}, {error_m:.3f} m", found.estimate_m, colour, 0.33 - height_m)
     if sequence.rig.of_kind("lidar"):
         page.add_clouds(_clouds(sequence, period_s), _TABLE, period_s)
     page.add_pictures(_pictures(sequence, period_s))
@@ -329,8 +335,8 @@ def page_of_sequence(
 
 
 _TABLE: U8 = np.repeat(np.arange(256, dtype=np.uint8)[:, None], 3, axis=1)
-_TABLE[: len(PALETTE_RGB)] = np.maximum(PALETTE_RGB, 60)
-"""Colours of points: those of their tags, and greys of intensity from 64 on."""
+_TABLE[: len(PALETTE_RGB)] = np.rint(0.55 * PALETTE_RGB + 0.45 * 255.0)
+"""Colours of points: paler ones of their tags, and greys of intensity from 64 on."""
 
 
 def _clouds(sequence: SlamSequence, period_s: float) -> Iterator[tuple[int, Array, U8]]:

@@ -51,16 +51,16 @@ function start(buffer) {
   }
   scene.add(town);
 
-  function line(positions, colour) {
+  function line(positions, colour, opacity = 1) {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
-    const look = new THREE.LineBasicMaterial({ color: new THREE.Color(colour), fog: false });
+    const look = new THREE.LineBasicMaterial({ color: new THREE.Color(colour), fog: false, opacity, transparent: opacity < 1 });
     const drawn = new THREE.Line(geometry, look);
     drawn.frustumCulled = false;
     scene.add(drawn);
     return drawn;
   }
-  for (const part of meta.lanes) line(array(part), "#5ad2ff");
+  for (const part of meta.lanes) line(array(part), "#9fe3ff", 0.3);
   for (const path of meta.paths) {
     line(array(path.position), path.colour);
     const row = document.createElement("span");
