@@ -12,6 +12,7 @@ from carlaloc_env.core.files.array_cache import cached
 from carlaloc_env.road.road_profile import Roughness
 from carlaloc_env.scene.mesh import Mesh, meshes_from_arrays, meshes_to_arrays
 from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.mapped import read_mapped
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
 from carlaloc_env.town.sources import TownId, identify_town
@@ -180,4 +181,6 @@ class _TownCache:
 
         roads = self.roads
         route_m = None if roads.route is None else roads.route.position_m[:, :2]
-        return build_scenery(roads.network, self.config, self.seed, route_m)
+        features = self._source.features
+        mapped = None if features is None else read_mapped(features, roads.geo)
+        return build_scenery(roads.network, self.config, self.seed, route_m, mapped)

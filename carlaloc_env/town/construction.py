@@ -9,6 +9,7 @@ Default numbers of vehicles and walkers of a town.
 
 import dataclasses
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -26,6 +27,7 @@ from carlaloc_env.town.config import TownConfig, TrafficCounts, Zone
 from carlaloc_env.town.ground.ground_plan import Groundwork, lay_groundwork
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.mapped import MappedFeature
 from carlaloc_env.town.meshing.batches import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.meshing.polygons import polygons_of, weld
@@ -40,13 +42,26 @@ from carlaloc_env.town.town import TownRoads, TownScenery, relief_on
 
 
 def build_scenery(
-    network: LaneNetwork, config: TownConfig, seed: int, route_m: Array | None = None
+    network: LaneNetwork,
+    config: TownConfig,
+    seed: int,
+    route_m: Array | None = None,
+    mapped: Sequence[MappedFeature] | None = None,
 ) -> TownScenery:
-    """Scenery of a map; the same map, configuration and seed give the same bytes."""
+    """Scenery of a map; the same map, configuration, seed and features give the same bytes.
+
+    Args:
+        network: Lanes of the map.
+        config: Settings.
+        seed: Number from which all that is not given is drawn.
+        route_m: Points of the ego's route (N, 2) [m].
+        mapped: What stands beside the roads; None: houses and plants are invented.
+    """
     work, out = lay_groundwork(network, config), Surfaces()
     tunnel_lamps = add_surfaces(out, network, work, seed)
-    plots = place_plots(work, config, seed)
-    out.solid.quads(lot_boxes(plots.lots, plots.bases_m), material=Material.PLAIN, tag=Tag.BUILDING)
+    plots = place_plots(work, config, seed, mapped)
+    boxes = np.concatenate([lot_boxes(plots.lots, plots.bases_m), plots.mapped_boxes()])
+    out.solid.quads(boxes, material=Material.PLAIN, tag=Tag.BUILDING)
     ids = InstanceIds()
     buildings = plots.buildings(seed, ids)
     dressing = dress(out, network, work, plots, config, route_m, seed, ids)

@@ -17,6 +17,8 @@ from carlaloc_env.core.files.array_cache import content_hash
 NAME_LIMIT = 80
 """Longest name of a town that is called after its file; names of kept files hold more than it."""
 _SUFFIX = re.compile(r"\.[^.]+(\.gz)?$")
+FEATURES = "features.geojson"
+"""File beside a `town.xodr` that says what stands beside its roads."""
 ALIASES = {"Town10HD": "Town10"}
 """Other names of towns."""
 
@@ -28,11 +30,13 @@ class TownId:
     name: str
     """Name of the town."""
     source_hash: str
-    """Hash of its map and its `town.toml`, which names its files in the cache, not the built town."""
+    """Hash of its map, its `town.toml` and its features, which names its files in the cache, not the built town."""
     source: Path
     """Its OpenDRIVE file."""
     toml: Path | None
     """Its settings, if it has some."""
+    features: Path | None = None
+    """What stands beside its roads, if that is known."""
 
 
 def find_town(name: str) -> Path:
@@ -71,8 +75,11 @@ def identify_town(name_or_path: str | Path) -> TownId:
     source = _source(name_or_path)
     beside = source.with_name("town.toml")
     toml = beside if source.name == "town.xodr" and beside.is_file() else None
+    mapped = source.with_name(FEATURES)
+    features = mapped if source.name == "town.xodr" and mapped.is_file() else None
     try:
         parts = (source.read_bytes(), toml.read_bytes() if toml is not None else b"")
+        parts += (features.read_bytes(),) if features is not None else ()
     except OSError as error:
         raise MapError(f"cannot read {error.filename}: {error.strerror}; give another map") from error
     return TownId(
@@ -80,6 +87,7 @@ def identify_town(name_or_path: str | Path) -> TownId:
         source_hash=content_hash(*parts),
         source=source,
         toml=toml,
+        features=features,
     )
 
 

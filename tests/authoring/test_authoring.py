@@ -21,12 +21,10 @@ TOWNS = sorted(p.parent.name for p in (ROOT / "maps").glob("*/town.xodr"))
 
 
 def tool(name: str) -> ModuleType:
-    """A module of maps/authoring, which is not part of the installed package."""
+    """A module of carlaloc_env/authoring."""
     import importlib
 
-    if str(ROOT) not in sys.path:
-        sys.path.insert(0, str(ROOT))
-    return importlib.import_module(f"maps.authoring.{name}")
+    return importlib.import_module(f"carlaloc_env.authoring.{name}")
 
 
 def walked(path: Any) -> tuple[float, float, float]:
@@ -244,7 +242,7 @@ def test_impossible_plans_say_what_does_not_fit() -> None:
 @pytest.mark.parametrize("name", TOWNS)
 def test_the_file_is_what_the_plan_writes(name: str) -> None:
     """The same bytes again, in a fresh process with another hash seed."""
-    code = f"import sys; from maps.authoring.build import town_text; sys.stdout.write(town_text({name!r}))"
+    code = f"import sys; from maps.plans.build import town_text; sys.stdout.write(town_text({name!r}))"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True, env={"PYTHONHASHSEED": "7"}
     )

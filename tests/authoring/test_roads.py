@@ -2,8 +2,6 @@
 
 import importlib
 import math
-import pathlib
-import sys
 import xml.etree.ElementTree as ElementTree
 from types import ModuleType
 from typing import Any
@@ -13,14 +11,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-ROOT = pathlib.Path(__file__).parents[2]
-
 
 def tool(name: str) -> ModuleType:
-    """A module of maps/authoring, which is not part of the installed package."""
-    if str(ROOT) not in sys.path:
-        sys.path.insert(0, str(ROOT))
-    return importlib.import_module(f"maps.authoring.{name}")
+    """A module of carlaloc_env/authoring."""
+    return importlib.import_module(f"carlaloc_env.authoring.{name}")
 
 
 def bent_road() -> Any:

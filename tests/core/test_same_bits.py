@@ -14,8 +14,9 @@ import carlaloc_env
 ROOT = Path(carlaloc_env.__file__).parents[1]
 SHAPES = ("carlaloc_env", "recorder/devices/scripted", "recorder/drive")
 """Folders whose numbers end in a drive or a sample."""
-ELSEWHERE = ("render", "envs")
-"""Rooms of `carlaloc_env` for pictures, and for observations and rewards of learning."""
+ELSEWHERE = ("render", "envs", "authoring", "openstreetmap")
+"""Rooms of `carlaloc_env` for pictures, for observations and rewards of learning, and for writing maps, whose
+numbers are rounded."""
 EXEMPT = {
     "core/camera_model.py": "a lens is chosen once; calibrations hold its focal length",
     "rigs/presets.py": "an industrial camera's pictures are not the same on other processors",

@@ -48,7 +48,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_holds_code_and_data(wheel: Path) -> None:
-    """Every module, shader, device profile, marker and map; not the authoring tool, tests or examples."""
+    """Every module, shader, device profile, marker and map; not the plans of our towns, tests or examples."""
     names = set(zipfile.ZipFile(wheel).namelist())
     ours = {
         str(path.relative_to(ROOT))
@@ -61,7 +61,7 @@ def test_the_wheel_holds_code_and_data(wheel: Path) -> None:
     assert ours | {*MAPS} <= names
     assert "carlaloc_env/maps/Town03/town.xodr" in names
     assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {"carlaloc_env", "recorder"}
-    assert not [name for name in names if "authoring" in name]
+    assert not [name for name in names if "maps/plans" in name]
     assert wheel.stat().st_size < 60e6
 
 

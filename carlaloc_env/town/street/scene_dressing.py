@@ -23,6 +23,7 @@ from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, polygons_of, posts
 from carlaloc_env.town.roads.surfaces import Surfaces
 from carlaloc_env.town.street.car_parks import add_car_park
+from carlaloc_env.town.street.mapped_scenery import add_grounds, put_plants
 from carlaloc_env.town.street.parked_cars import ParkedCars, lay_drives, park_in_lanes, park_on_verges
 from carlaloc_env.town.street.signals_and_signs import add_signals, add_signs
 from carlaloc_env.town.street.site_plan import (
@@ -173,6 +174,11 @@ def dress(
     cover = MeshBuilder()
     land = _land(work, plots, roadside, route_m, seed)
     green = dress_land(out.raised, cover, out.solid, land, plots.lots)
+    if plots.mapped is not None:
+        solid = shapely.union_all([work.areas.paved, *plots.footprints()])
+        add_grounds(out.raised, plots.mapped, solid, work.ground)
+        kept = shapely.union_all([work.areas.roadway, *plots.footprints()])
+        put_plants(green, plots.mapped, land, kept)
     paved, floor = work.areas.paved, work.floor_height
     features = [feature_mesh(site, paved, floor, seed, ids.take()) for site in plots.features]
     for feature in features:

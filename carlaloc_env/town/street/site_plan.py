@@ -27,16 +27,19 @@ from carlaloc_env.town.buildings.buildings import (
     gatehouse_lamps,
 )
 from carlaloc_env.town.buildings.farms import barn, farm, filling_station, fountain, monument, silo
+from carlaloc_env.town.buildings.footprints import Houses
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.config import Feature, TownConfig
 from carlaloc_env.town.ground.grade_levels import State, Waysides, road_edges
 from carlaloc_env.town.ground.ground_plan import Groundwork
 from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.ground.terrain import BANK_SLOPE, Terrain
+from carlaloc_env.town.mapped import MappedFeature, of_kind
 from carlaloc_env.town.meshing.batches import InstanceIds, copies, poses
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads, turned
 from carlaloc_env.town.meshing.polygons import Area, areas_only, triangulate
 from carlaloc_env.town.street.car_parks import BAY_M, DEPTH_M, CarPark, place_car_parks
+from carlaloc_env.town.street.mapped_scenery import paved_grounds
 from carlaloc_env.town.structures.footbridges import (
     FOOTBRIDGE_CLEAR_M,
     footbridge,
@@ -289,27 +292,47 @@ class Plots:
     """Buildings with their ground."""
     bases_m: list[float]
     """Heights of the buildings' floors [m]."""
+    mapped: Sequence[MappedFeature] | None = None
+    """What stands beside the roads, where that is known."""
+    houses: Houses | None = None
+    """Houses of these, in place of lots."""
 
     def footprints(self) -> list[Area]:
         """Ground under each building."""
-        return [lot.footprint() for lot in self.lots]
+        houses = [] if self.houses is None else self.houses.footprints()
+        return [*(lot.footprint() for lot in self.lots), *houses]
+
+    def mapped_boxes(self) -> Array:
+        """Walls of houses on given outlines, as coarse faces (N, 4, 3)."""
+        return np.zeros((0, 4, 3)) if self.houses is None else self.houses.boxes()
 
     def buildings(self, seed: int, ids: InstanceIds) -> list[Mesh]:
         """Meshes of all buildings, with an instance id each."""
-        meshes = []
+        meshes = [] if self.houses is None else self.houses.meshes(ids)
         for lot, base in zip(self.lots, self.bases_m, strict=True):
             mesh = building_mesh(lot.plan, clock.stream(seed, lot.name, index=1), instance=ids.take())
             meshes.append(mesh.transformed(poses((*lot.corner_m, base), lot.heading_rad)[0]))
         return meshes
 
 
-def place_plots(work: Groundwork, config: TownConfig, seed: int) -> Plots:
-    """Share out the ground beside the roads."""
+def place_plots(
+    work: Groundwork, config: TownConfig, seed: int, mapped: Sequence[MappedFeature] | None = None
+) -> Plots:
+    """Share out the ground beside the roads; what is mapped stands in place of lots and car parks."""
     features = sites(config.features)
     reserved = shapely.union_all([_cuts(work), *(site.ground for site in features)])
     edges = road_edges(work.strips, work.roads, work.levels)
     ways = Waysides(edges=edges, zones=work.zones, ground=work.ground, seed=seed)
     parks = feature_car_parks(config.features)
+    if mapped is not None:
+        reserved = shapely.union_all([reserved, paved_grounds(mapped), *(park.area() for park in parks)])
+        outlines = of_kind(mapped, "building", "part")
+        areas = work.areas
+        houses = Houses(outlines, work.zones, areas.roadway, areas.paved, work.ground, seed)
+        return Plots(
+            features=features, waysides=ways, car_parks=parks, reserved=reserved, lots=[], bases_m=[],
+            mapped=mapped, houses=houses,
+        )  # fmt: skip
     parks += place_car_parks(ways, shapely.union(work.areas.paved, reserved))
     reserved = shapely.union_all([reserved, *(park.area() for park in parks)])
     lots = place_lots(work.strips, shapely.union(work.areas.paved, reserved), work.zones, seed)

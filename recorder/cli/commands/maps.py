@@ -1,7 +1,8 @@
-"""Towns: list them, draw them, export their surfaces, check OpenDRIVE files.
+"""Towns: list them, import them from OpenStreetMap, draw them, export their surfaces, check OpenDRIVE files.
 
 Examples:
   carlaloc maps list
+  carlaloc maps import krems.osm.gz --out krems
   carlaloc maps preview Town03 --out town03.png
   carlaloc maps export Town03 --mesh town03.gltf --cloud town03.ply
   carlaloc maps check my.xodr --waypoints 2 --csv waypoints.csv
@@ -14,9 +15,11 @@ from typing import Any
 from carlaloc_env.core.errors import ConfigError, UsageError
 from recorder.cli.arguments import (
     OutputFile,
+    OutputFolder,
     force_option,
     input_path,
     number,
+    numbers,
     option,
     positive_seconds,
     seed,
@@ -29,6 +32,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     shared = [shared_options(nested=True)]
     actions.add_parser("list", parents=shared, help="names and sizes of all towns")
+    imported = actions.add_parser("import", parents=shared, help="a town from an extract of OpenStreetMap")
+    imported.add_argument("file", type=input_path, help=".osm, .osm.gz or .osm.pbf")
+    files = OutputFolder(
+        "town.xodr", "town.toml", "features.geojson", "LICENCE", "report.json", "preview.png"
+    )
+    imported.add_argument("--out", type=files, required=True, help="folder of the town")
+    option(imported, "--bbox", numbers, "W,S,E,N", "part of the file, in degrees; --bbox=-1.5,… if W < 0")
+    option(imported, "--name", str, "NAME", "the town's name (default: the file's)", "")
+    imported.add_argument(
+        "--no-preview", action="store_true", help="draw no preview.png, which builds the town"
+    )
+    force_option(imported, "an older town")
     preview = actions.add_parser("preview", parents=shared, help="a town from above and from its streets")
     preview.add_argument("town", help="town, or a .xodr file")
     preview.add_argument(
@@ -54,8 +69,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
-    """List, draw, export or check."""
-    action = {"list": _list, "preview": _preview, "export": _export, "check": _check}[arguments.action]
+    """List, import, draw, export or check."""
+    actions = {"list": _list, "import": _import, "preview": _preview, "export": _export, "check": _check}
+    action = actions[arguments.action]
     return {"action": arguments.action, **action(arguments)}
 
 
@@ -65,6 +81,8 @@ def show(result: dict[str, Any]) -> None:
         for town in result["towns"]:
             size = f"{town['lane_km']:.1f} lane-km, {town['junctions']} junctions"
             print(f"{town['name']:<8} {size}, route {town['route_m']:.0f} m  {town['description']}")
+    elif result["action"] == "import":
+        _show_import(result)
     elif result["action"] == "preview":
         print(result["out"])
     elif result["action"] == "export":
@@ -91,6 +109,33 @@ def _list(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.report.town_preview import list_towns
 
     return {"towns": [asdict(town) for town in list_towns()]}
+
+
+def _show_import(result: dict[str, Any]) -> None:
+    report = result["report"]
+    share = 100.0 * report["built_m"] / max(report["streets_m"], 1)
+    print(
+        f"{result['out']}: {report['built_m'] / 1000:.1f} of {report['streets_m'] / 1000:.1f} km of streets "
+        f"({share:.0f} %), {report['junctions']} junctions, {report['buildings']} buildings, "
+        f"traffic on the {report['drives_on']}; {len(report['left_out'])} things left out and "
+        f"{len(report['changed'])} changed, all in report.json"
+    )
+    print(report["attribution"])
+
+
+def _import(arguments: argparse.Namespace) -> dict[str, Any]:
+    from carlaloc_env.openstreetmap.import_town import import_town, write_town
+
+    if arguments.bbox is not None and len(arguments.bbox) != 4:
+        raise UsageError(f"--bbox has {len(arguments.bbox)} numbers; give W,S,E,N in degrees")
+    town = import_town(arguments.file, box=arguments.bbox, name=arguments.name)
+    write_town(town, arguments.out)
+    if not arguments.no_preview:
+        from carlaloc_env.town.build import load_town
+        from recorder.report.town_preview import draw_town
+
+        draw_town(load_town(arguments.out / "town.xodr"), arguments.out / "preview.png", overwrite=True)
+    return {"out": str(arguments.out), "report": town.report}
 
 
 def _preview(arguments: argparse.Namespace) -> dict[str, Any]:

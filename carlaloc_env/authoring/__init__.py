@@ -1,0 +1,1 @@
+"""Writes OpenDRIVE from plans of nodes and roads: our own towns, and towns from OpenStreetMap."""

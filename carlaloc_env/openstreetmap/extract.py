@@ -1,0 +1,290 @@
+"""Extracts of OpenStreetMap: .osm, .osm.gz and .osm.pbf, read and cut to a box."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import MapError, MissingDependencyError
+from carlaloc_env.core.geodesy import GeoReference
+
+Box = tuple[float, float, float, float]
+"""West, south, east, north [deg]."""
+Tags = Mapping[str, str]
+"""Keys and values of one element."""
+SUFFIXES = (".osm", ".osm.gz", ".osm.pbf", ".pbf")
+"""Files that are read."""
+NODE_LIMIT = 3_000_000
+"""Extracts with more nodes inside the box are refused."""
+WIDEST_DEG = 0.5
+"""Widest side of a box that is read [deg]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A line or ring of nodes."""
+
+    id: int
+    nodes: tuple[int, ...]
+    tags: Tags
+
+
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """Members with their kind (`n`, `w`, `r`), id and role."""
+
+    id: int
+    members: tuple[tuple[str, int, str], ...]
+    tags: Tags
+
+
+@dataclass(slots=True)
+class Extract:
+    """The part of a file that lies in the box; nodes outside it are unknown."""
+
+    source: str
+    degrees: dict[int, tuple[float, float]] = field(default_factory=dict)
+    """Longitude and latitude of every node [deg]."""
+    node_tags: dict[int, Tags] = field(default_factory=dict)
+    ways: dict[int, Way] = field(default_factory=dict)
+    relations: list[Relation] = field(default_factory=list)
+    edge: set[int] = field(default_factory=set)
+    """Nodes where a way was cut, at the box or since the file holds no more of it."""
+    broken: list[int] = field(default_factory=list)
+    """Ways with fewer than two known nodes."""
+    geo: GeoReference = field(default_factory=lambda: GeoReference(latitude_deg=0.0, longitude_deg=0.0))
+    """The origin of the world, in the middle of the nodes."""
+    xy_m: dict[int, tuple[float, float]] = field(default_factory=dict)
+    """World x and y of every node [m]: east and north of the origin."""
+
+    def line(self, nodes: tuple[int, ...] | list[int]) -> Array:
+        """World points (N, 2) of nodes [m]."""
+        return np.array([self.xy_m[node] for node in nodes])
+
+
+def read_extract(path: Path, box: Box | None = None) -> Extract:
+    """Read a file, cut it to a box, and place its nodes on the plane that touches the Earth in the middle.
+
+    Args:
+        path: An .osm, .osm.gz or .osm.pbf file.
+        box: West, south, east, north [deg]; None: the whole file.
+
+    Raises:
+        MapError: The file cannot be read, ends early, holds too much, or has no node in the box.
+        MissingDependencyError: A .pbf file needs osmium.
+    """
+    if box is not None:
+        west, south, east, north = box
+        if not (-180 <= west < east <= 180 and -85 <= south < north <= 85):
+            raise MapError(f"the box {west:g},{south:g},{east:g},{north:g} is none; give W,S,E,N in degrees")
+    found = Extract(str(path))
+    kept: dict[int, tuple[float, float]] = {}
+    for kind, item in _elements(path):
+        if kind == "node":
+            number, lon, lat, tags = item
+            kept[number] = (lon, lat)
+            if tags:
+                found.node_tags[number] = tags
+            if len(kept) > 10 * NODE_LIMIT:
+                break
+        elif kind == "way":
+            found.ways[item.id] = item
+        else:
+            found.relations.append(item)
+    _cut(found, kept, box)
+    if not found.degrees:
+        raise MapError(_elsewhere(path, kept, box))
+    span = float(np.ptp(_street_places(found), axis=0).max())
+    if len(found.degrees) > NODE_LIMIT or span > WIDEST_DEG:
+        raise MapError(
+            f"{path} has {len(found.degrees):,} nodes over {span:.2f}°; cut it by --bbox W,S,E,N to 2 km"
+        )
+    _place(found)
+    return found
+
+
+def _elements(path: Path) -> Iterator[tuple[str, Any]]:
+    """Nodes as (id, lon, lat, tags), ways and relations."""
+    try:
+        if path.name.lower().endswith(".pbf"):
+            yield from _from_pbf(path)
+        else:
+            yield from _from_xml(path)
+    except (OSError, EOFError, zlib.error) as error:
+        text = getattr(error, "strerror", None) or error
+        raise MapError(f"cannot read {path}: {text}; download the extract again") from error
+    except etree.XMLSyntaxError as error:
+        raise MapError(f"{path} is no whole .osm file: {error.msg}; download the extract again") from error
+
+
+def _from_xml(path: Path) -> Iterator[tuple[str, Any]]:
+    with path.open("rb") as probe:
+        packed = probe.read(2) == b"\x1f\x8b"
+    with gzip.open(path) if packed else path.open("rb") as file:
+        for _, element in etree.iterparse(
+            file, tag=("node", "way", "relation"), resolve_entities=False, huge_tree=True
+        ):
+            tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")}
+            try:
+                number = int(element.get("id"))
+                if element.tag == "node":
+                    if element.get("visible") != "false" and element.get("lon") is not None:
+                        yield "node", (number, float(element.get("lon")), float(element.get("lat")), tags)
+                elif element.tag == "way":
+                    refs = tuple(int(nd.get("ref")) for nd in element.iterfind("nd"))
+                    yield "way", Way(number, refs, tags)
+                else:
+                    members = tuple(
+                        (m.get("type", "")[:1], int(m.get("ref")), m.get("role", ""))
+                        for m in element.iterfind("member")
+                    )
+                    yield "relation", Relation(number, members, tags)
+            except (TypeError, ValueError) as error:
+                raise MapError(
+                    f"{path}: <{element.tag}> in line {element.sourceline} has no number where one belongs; "
+                    "download the extract again"
+                ) from error
+            element.clear()
+            while element.getprevious() is not None:
+                del element.getparent()[0]
+
+
+def _from_pbf(path: Path) -> Iterator[tuple[str, Any]]:
+    try:
+        import osmium
+    except ImportError as error:
+        raise MissingDependencyError(
+            ".pbf files need osmium: pip install 'carlaloc-env[osm]', or give an .osm file"
+        ) from error
+    if not path.is_file():
+        raise MapError(f"there is no file {path}; give an .osm, .osm.gz or .osm.pbf file")
+    try:
+        for item in osmium.FileProcessor(str(path)):
+            tags = {tag.k: tag.v for tag in item.tags}
+            if item.is_node() and item.location.valid():
+                yield "node", (item.id, item.location.lon, item.location.lat, tags)
+            elif item.is_way():
+                yield "way", Way(item.id, tuple(node.ref for node in item.nodes), tags)
+            elif item.is_relation():
+                members = tuple((m.type[:1], m.ref, m.role) for m in item.members)
+                yield "relation", Relation(item.id, members, tags)
+    except RuntimeError as error:
+        raise MapError(f"{path} is no whole .pbf file: {error}; download the extract again") from error
+
+
+def _cut(found: Extract, kept: dict[int, tuple[float, float]], box: Box | None) -> None:
+    """Keep what lies in the box: streets end where they cross it, all else stays whole."""
+    fresh = -1
+    for way in list(found.ways.values()):
+        known = [node for node in way.nodes if node in kept]
+        if len(known) < 2:
+            found.broken.append(way.id)
+            del found.ways[way.id]
+            continue
+        if "highway" not in way.tags:
+            if _meets([kept[node] for node in known], box):
+                found.ways[way.id] = Way(way.id, tuple(known), way.tags)
+                found.degrees |= {node: kept[node] for node in known}
+            else:
+                del found.ways[way.id]
+            continue
+        runs = []
+        for run in _runs(way.nodes, kept, box):
+            nodes = []
+            for node in run:
+                if isinstance(node, tuple):
+                    found.degrees[fresh] = node
+                    node, fresh = fresh, fresh - 1
+                nodes.append(node)
+            ends = ((nodes[0], way.nodes[0]), (nodes[-1], way.nodes[-1]))
+            found.edge |= {node for node, whole in ends if node != whole}
+            runs.append(tuple(nodes))
+        del found.ways[way.id]
+        for k, nodes in enumerate(runs):
+            key = way.id if k == 0 else fresh
+            fresh -= k > 0
+            found.ways[key] = Way(way.id, nodes, way.tags)
+    found.degrees |= {node: place for node, place in kept.items() if _inside(place, box)}
+    found.node_tags = {node: tags for node, tags in found.node_tags.items() if node in found.degrees}
+
+
+def _runs(nodes: tuple[int, ...], kept: dict[int, tuple[float, float]], box: Box | None) -> list[list[Any]]:
+    """Stretches inside the box: node ids, and places where the street crosses the box."""
+    runs: list[list[Any]] = [[]]
+    before: int | None = None
+    for node in nodes:
+        if node not in kept:
+            runs.append([])
+            before = None
+            continue
+        inside = _inside(kept[node], box)
+        if inside and not runs[-1] and before is not None:
+            runs[-1].append(_crossing(kept[node], kept[before], box))
+        if inside:
+            runs[-1].append(node)
+        elif runs[-1]:
+            assert before is not None
+            runs[-1].append(_crossing(kept[before], kept[node], box))
+            runs.append([])
+        before = node
+    return [run for run in runs if len(run) > 1]
+
+
+def _meets(places: list[tuple[float, float]], box: Box | None) -> bool:
+    """Whether the rectangle round some places meets the box."""
+    if box is None:
+        return True
+    xs, ys = [p[0] for p in places], [p[1] for p in places]
+    return min(xs) <= box[2] and max(xs) >= box[0] and min(ys) <= box[3] and max(ys) >= box[1]
+
+
+def _inside(place: tuple[float, float], box: Box | None) -> bool:
+    return box is None or (box[0] <= place[0] <= box[2] and box[1] <= place[1] <= box[3])
+
+
+def _crossing(inner: tuple[float, float], outer: tuple[float, float], box: Box | None) -> tuple[float, float]:
+    """Where the line from a place inside to one outside crosses the box."""
+    assert box is not None
+    share = 1.0
+    for k in (0, 1):
+        for limit in (box[k], box[k + 2]):
+            if (outer[k] - limit) * (inner[k] - limit) < 0.0:
+                share = min(share, (limit - inner[k]) / (outer[k] - inner[k]))
+    return (
+        round(inner[0] + share * (outer[0] - inner[0]), 8),
+        round(inner[1] + share * (outer[1] - inner[1]), 8),
+    )
+
+
+def _street_places(found: Extract) -> Array:
+    """Longitudes and latitudes (N, 2) of the streets' nodes, or of all where there are none."""
+    nodes = {node for way in found.ways.values() if "highway" in way.tags for node in way.nodes}
+    return np.array([found.degrees[node] for node in sorted(nodes) or sorted(found.degrees)])
+
+
+def _elsewhere(path: Path, kept: dict[int, tuple[float, float]], box: Box | None) -> str:
+    if not kept:
+        return f"{path} holds no nodes; give an extract of OpenStreetMap"
+    low, high = np.array(list(kept.values())).min(axis=0), np.array(list(kept.values())).max(axis=0)
+    limits = ",".join(f"{value:.4f}" for value in (*low, *high))
+    return f"{path} has nothing in the box; it covers --bbox {limits}"
+
+
+def _place(found: Extract) -> None:
+    numbers = list(found.degrees)
+    places = np.array([found.degrees[number] for number in numbers])
+    streets = _street_places(found)
+    middle = np.round((streets.min(axis=0) + streets.max(axis=0)) / 2, 6)
+    found.geo = GeoReference(latitude_deg=float(middle[1]), longitude_deg=float(middle[0]))
+    # On the ellipsoid, seen along its normal at the origin: within a millimetre of a flat map for some km.
+    geodetic = np.column_stack([places[:, 1], places[:, 0], np.zeros(len(places))])
+    world = np.round(found.geo.geodetic_to_enu(geodetic)[:, :2], 4)
+    found.xy_m = {number: (float(x), float(y)) for number, (x, y) in zip(numbers, world, strict=True)}

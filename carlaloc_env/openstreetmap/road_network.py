@@ -1,0 +1,426 @@
+"""Streets and junctions of an extract as parts of a map: roads, connecting roads, bulbs at their ends."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+import shapely.ops
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from carlaloc_env.authoring.elements.cross_sections import CrossSection, SectionPlan, constant, road_sections
+from carlaloc_env.authoring.elements.ids import JUNCTION, ROAD, Numbers
+from carlaloc_env.authoring.elements.junctions import Movement, connect
+from carlaloc_env.authoring.elements.map_parts import (
+    Border,
+    ControllerPart,
+    JunctionPart,
+    Leg,
+    Link,
+    RoadPart,
+    leg_of,
+)
+from carlaloc_env.authoring.geometry.elevation import Record, level
+from carlaloc_env.authoring.geometry.junction_planes import Plane
+from carlaloc_env.authoring.geometry.newton import PlanError
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, turning_bulb
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.openstreetmap.axes import between, curvatures, fit, sampled
+from carlaloc_env.openstreetmap.clusters import Cluster, End, find_clusters, reachable, route_inside
+from carlaloc_env.openstreetmap.movements import find_movements
+from carlaloc_env.openstreetmap.road_graph import Chain
+from carlaloc_env.openstreetmap.tags import Street
+
+LEAST_RADIUS_M = 6.15
+"""Least radius of the middle of any lane that is built [m]."""
+ROUTE_M = 3.0
+"""Turns that leave the streets inside a junction farther than this follow them [m]."""
+GUTTER_M = 0.3
+"""Width of gutters [m]."""
+ROUNDS = 8
+"""How often legs are moved away from junctions at most."""
+
+
+@dataclass(slots=True)
+class Junction:
+    """A built junction, with what its furniture needs."""
+
+    cluster: Cluster
+    part: JunctionPart
+    legs: list[Leg]
+    movements: list[Movement]
+
+
+@dataclass(slots=True)
+class RoadNetwork:
+    """Parts of a map, and what could not be built."""
+
+    roads: list[RoadPart] = field(default_factory=list)
+    junctions: list[Junction] = field(default_factory=list)
+    parts: list[JunctionPart] = field(default_factory=list)
+    controllers: list[ControllerPart] = field(default_factory=list)
+    numbers: Numbers = field(default_factory=Numbers)
+    of_chain: dict[int, RoadPart] = field(default_factory=dict)
+    """Road of every chain that is not inside a junction."""
+    tight: list[tuple[End, End]] = field(default_factory=list)
+    """Legs between which a turn was left out, since it would be too tight."""
+
+
+class Heights:
+    """Heights of a town that is flat; `heights.py` has those with bridges."""
+
+    def of_road(self, chain: int, first_m: float, path: Path) -> list[Record]:
+        """Elevation of a chain's road, which begins at `first_m`."""
+        return level(0.0)
+
+    def of_cluster(self, cluster: Cluster) -> float:
+        """Height of a junction [m]."""
+        return 0.0
+
+
+def settle(
+    chains: Sequence[Chain],
+    heights_of: Callable[[Sequence[Chain], Sequence[Cluster]], Heights],
+    banned: Mapping[tuple[int, int], frozenset[int]],
+    solid: shapely.STRtree | None,
+    *,
+    yellow: bool,
+) -> tuple[RoadNetwork, list[Chain], list[Chain]]:
+    """The network whose turns are all wide enough and whose roads can all be reached from each other.
+
+    Legs of turns that are too tight move away from their junction; roads that stay unreachable are left out.
+
+    Args:
+        chains: Streets.
+        heights_of: Makes heights of streets and junctions.
+        banned: As `build_network` has it.
+        solid: The same.
+        yellow: The same.
+
+    Returns:
+        The network, the chains that it holds, and those that were left out.
+
+    Raises:
+        MapError: Nothing is left.
+    """
+    kept, dropped = list(chains), []
+    memo: dict[object, Path | None] = {}
+    while kept:
+        more: Counter[tuple[int, int]] = Counter()
+        for _ in range(ROUNDS):
+            clusters = find_clusters(kept, more)
+            network = build_network(kept, clusters, Heights(), banned, solid, memo, yellow=yellow)
+            if not network.tight:
+                break
+            for end in {(e.chain, e.side) for pair in network.tight for e in pair}:
+                more[end] = min(more[end] + 3, 30)
+        lost = unreachable(network)
+        if not lost:
+            heights = heights_of(kept, clusters)
+            network = build_network(kept, clusters, heights, banned, solid, memo, yellow=yellow)
+            return network, kept, dropped
+        dropped += [kept[k] for k in sorted(lost)]
+        kept = [chain for k, chain in enumerate(kept) if k not in lost]
+        memo.clear()
+    raise MapError("no street is left on which one could drive for ever; give a larger box")
+
+
+def unreachable(network: RoadNetwork) -> set[int]:
+    """Chains with a direction from which not all others can be reached, or which cannot be reached."""
+    edges, places = [], {}
+    for junction in network.junctions:
+        ends = junction.cluster.ends
+        for i, j in {(m.source, m.target) for m in junction.movements}:
+            edges.append(((ends[i].chain, ends[i].side == 1), (ends[j].chain, ends[j].side == 0)))
+        for end in ends:
+            for ahead, goes in ((end.side == 1, end.enters), (end.side == 0, end.leaves)):
+                if goes:
+                    places.setdefault((end.chain, ahead), len(places))
+    sources, targets = {a for a, _ in edges}, {b for _, b in edges}
+    stuck = {place[0] for place in places if place not in sources or place not in targets}
+    if stuck:
+        return stuck
+    rows, columns = ([places[edge[k]] for edge in edges] for k in (0, 1))
+    graph = coo_matrix((np.ones(len(edges)), (rows, columns)), shape=(len(places),) * 2)
+    _, part = connected_components(graph, connection="strong")
+    length: Counter[int] = Counter()
+    for (chain, _), place in places.items():
+        length[int(part[place])] += round(network.of_chain[chain].length)
+    best = max(length, key=lambda k: (length[k], -k))
+    return {chain for (chain, _), place in places.items() if part[place] != best}
+
+
+def build_network(
+    chains: Sequence[Chain],
+    clusters: Sequence[Cluster],
+    heights: Heights,
+    banned: Mapping[tuple[int, int], frozenset[int]],
+    solid: shapely.STRtree | None,
+    memo: dict[object, Path | None],
+    *,
+    yellow: bool,
+) -> RoadNetwork:
+    """Roads between junctions, and the lanes through these.
+
+    Args:
+        chains: Streets.
+        clusters: Their junctions.
+        heights: Heights of both.
+        banned: Ways into which one may not turn from a way (key: way and node); `restrictions`.
+        solid: Footprints on which no turning bulb may lie.
+        memo: Lines that were found before.
+        yellow: Whether centre lines are yellow.
+    """
+    network = RoadNetwork()
+    setback = {(end.chain, end.side): end for cluster in clusters for end in cluster.ends}
+    for k, chain in enumerate(chains):
+        if (k, 0) in setback:
+            first, last = setback[k, 0], setback[k, 1]
+            for end, cluster in ((e, c) for c in clusters for e in c.ends if e in (first, last)):
+                if len(cluster.ends) == 1:
+                    end.setback_m = _bulb_setback(end, chain, solid)
+            span = (round(first.setback_m, 3), round(chain.length_m - last.setback_m, 3))
+            key = (k, span)
+            if key not in memo:
+                memo[key] = _axis(chain, *span)
+            part = _road(chain, k, span[0], memo[key], heights, network.numbers, yellow=yellow)
+            network.roads.append(part)
+            network.of_chain[k] = part
+    for cluster in clusters:
+        if cluster.ends:
+            _junction(cluster, chains, network, heights, banned, memo)
+    return network
+
+
+def cross_section(street: Street) -> CrossSection:
+    """Cross-section of a street."""
+    ahead, back = street.lanes
+    return CrossSection(
+        lanes=ahead,
+        back=0 if street.oneway else back,
+        lane_m=round(street.lane_m, 3),
+        bike_m=street.bike_m,
+        gutter_m=GUTTER_M,
+        sidewalk_m=round(street.walks[1], 2),
+        left_sidewalk_m=round(street.walks[0], 2),
+        marks="none" if street.rank <= 1 else "full",
+        surface=street.surface,
+    )
+
+
+def _road(
+    chain: Chain, number: int, first_m: float, path: Path, heights: Heights, numbers: Numbers, *, yellow: bool
+) -> RoadPart:
+    street = chain.street
+    sections = road_sections(cross_section(street), path.length, ("plain", "plain"), 20.0, (30.0, 30.0))
+    shift = (0.5 * (street.lanes[0] - street.lanes[1])) * street.lane_m
+    for section in sections:
+        section.offset = constant(round(shift, 6))
+        if not yellow:
+            _whiten(section)
+    part = RoadPart(numbers.next(ROAD), street.name, path, level(0.0), sections, street.speed_kmh)
+    part.street, part.kind = str(number), street.kind
+    part.elevation = heights.of_road(number, first_m, path)
+    return part
+
+
+def _axis(chain: Chain, first_m: float, last_m: float) -> Path:
+    """Reference line of a chain's road, in the middle of its carriageway."""
+    street = chain.street
+    outer = 0.5 * (sum(street.lanes) - 1) * street.lane_m
+    whole = shapely.LineString(chain.line)
+    line = shapely.get_coordinates(shapely.ops.substring(whole, first_m, max(last_m, first_m + 1.0)))
+    for more in (1.0, 1.1, 1.25, 1.5, 2.0, 3.0):
+        path = fit(line, more * (LEAST_RADIUS_M + 0.2 + outer)).settled()
+        if max(curvatures(path)) <= 1.0 / (LEAST_RADIUS_M + outer):
+            break
+    return path
+
+
+def _whiten(section: SectionPlan) -> None:
+    section.centre = replace(section.centre, color="white")
+    for _, lane in section.lanes():
+        lane.marks = [replace(m, color="white" if m.color == "yellow" else m.color) for m in lane.marks]
+
+
+def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree | None) -> float:
+    """How far before its end a street gets its turning bulb: where it meets the fewest houses."""
+    best: tuple[float, float] | None = None
+    for back in np.arange(0.0, max(min(0.6 * chain.length_m, chain.length_m - 12.0, 60.0), 0.1), 4.0):
+        x, y, h = end.at(float(back))
+        inward = Path(start=_pose(x, y, h + math.pi), pieces=())
+        try:
+            path = _bulb_path(inward.start, end.street)
+        except PlanError:
+            return float(back)
+        outline = shapely.buffer(shapely.LineString(sampled(path, 2.0)).convex_hull, end.half_m)
+        meets = 0.0
+        if solid is not None:
+            near = solid.geometries.take(solid.query(outline, predicate="intersects"))
+            meets = round(float(shapely.area(shapely.intersection(near, outline)).sum()), 1)
+        if best is None or meets < best[0] - 1.0:
+            best = (meets, float(back))
+        if meets < 1.0:
+            break
+    return best[1] if best else 0.0
+
+
+def _pose(x: float, y: float, h: float):  # type: ignore[no-untyped-def]
+    from carlaloc_env.authoring.geometry.plan_view_curves import Pose
+
+    return Pose(x, y, h)
+
+
+def _bulb_path(start, street: Street) -> Path:  # type: ignore[no-untyped-def]
+    lanes = max(street.lanes)
+    radius = LEAST_RADIUS_M + 0.3 - 0.5 * street.lane_m
+    flare = LEAST_RADIUS_M + 0.3 + (lanes - 0.5) * street.lane_m
+    return turning_bulb(start, radius, max(flare, 10.0), 3.0)
+
+
+def _junction(
+    cluster: Cluster,
+    chains: Sequence[Chain],
+    network: RoadNetwork,
+    heights: Heights,
+    banned: Mapping[tuple[int, int], frozenset[int]],
+    memo: dict[object, Path | None],
+) -> None:
+    numbers = network.numbers
+    legs = [leg_of(network.of_chain[e.chain], "start" if e.side == 0 else "end") for e in cluster.ends]
+    name = " / ".join(sorted({end.street.name for end in cluster.ends})[:2])
+    part = JunctionPart(numbers.next(JUNCTION), name)
+    network.parts.append(part)
+    for leg in legs:
+        link = Link("junction", part.id)
+        if leg.end == "end":
+            leg.road.successor = link
+        else:
+            leg.road.predecessor = link
+    middle = np.mean([(leg.pose.x, leg.pose.y) for leg in legs], axis=0)
+    plane = Plane(float(middle[0]), float(middle[1]), heights.of_cluster(cluster))
+    if len(legs) == 1:
+        count = min(len(legs[0].incoming), len(legs[0].outgoing))
+        back = [Movement(0, 0, tuple((k, k) for k in range(count)), "back")] if count else []
+        if back:
+            path = _bulb_path(legs[0].pose.ahead(0.0, -legs[0].incoming[0].right_m), cluster.ends[0].street)
+            network.roads.append(_connect(back[0], part, legs, path, numbers, plane))
+        network.junctions.append(Junction(cluster, part, legs, back))
+        return
+    allowed = _allowed(cluster, chains, banned)
+    turns = [_marks(end) for end in cluster.ends]
+    found = find_movements(legs, allowed, turns)
+    built = []
+    for movement in found:
+        ends = (cluster.ends[movement.source], cluster.ends[movement.target])
+        poses = (legs[movement.source].pose, legs[movement.target].pose)
+        key = (movement.lanes, poses, tuple((e.chain, e.side) for e in ends), *cluster.inner)
+        if key not in memo:
+            memo[key] = _path(movement, legs, cluster, chains)
+        path = memo[key]
+        if path is None:
+            network.tight.append(ends)
+            continue
+        network.roads.append(_connect(movement, part, legs, path, numbers, plane))
+        built.append(movement)
+    network.junctions.append(Junction(cluster, part, legs, built))
+
+
+def _marks(end: End) -> Sequence[str]:
+    return end.street.turns[0 if end.side == 1 else 1]
+
+
+def _allowed(
+    cluster: Cluster, chains: Sequence[Chain], banned: Mapping[tuple[int, int], frozenset[int]]
+) -> set[tuple[int, int]]:
+    index = {(end.chain, end.side): k for k, end in enumerate(cluster.ends)}
+    found = set()
+    for a, b in reachable(cluster, chains):
+        source, target = (chains[e.chain].pieces[0 if e.side == 0 else -1].way for e in (a, b))
+        if not any(target in banned.get((source, node), ()) for node in cluster.nodes):
+            found.add((index[a.chain, a.side], index[b.chain, b.side]))
+    return found
+
+
+def _path(movement: Movement, legs: Sequence[Leg], cluster: Cluster, chains: Sequence[Chain]) -> Path | None:
+    """Reference line of a movement: direct, or along the streets inside; None where it would be too tight."""
+    source, target = legs[movement.source], legs[movement.target]
+    ins = [source.incoming[a] for a, _ in movement.lanes]
+    outs = [target.outgoing[b] for _, b in movement.lanes]
+    start = source.border(source.pose, ins[0].right_m)
+    if movement.source == movement.target:
+        return _bulb_path(start, cluster.ends[movement.source].street)
+    end = target.border(target.out_axis, outs[0].right_m)
+    direct = between(start, end)
+    a, b = cluster.ends[movement.source], cluster.ends[movement.target]
+    route = _shifted(_route(cluster, chains, a, b), ins[0].right_m, outs[0].right_m)
+    options = [direct]
+    if len(route) > 2:
+        line = shapely.LineString(sampled(direct, 2.0))
+        off = shapely.distance(shapely.points(route), line).max()
+        ring = any(chains[k].street.ring for k in cluster.inner)
+        if ring or off > ROUTE_M:
+            options.insert(0, between(start, end, route[1:-1]))
+    for path in options:
+        if lane_radius(path, ins, outs) >= LEAST_RADIUS_M:
+            return path
+    return None
+
+
+def _route(cluster: Cluster, chains: Sequence[Chain], a: End, b: End) -> Array:
+    lines = []
+    for end in (a, b):
+        line = shapely.LineString(end.line)
+        part = shapely.ops.substring(line, 0.0, min(end.setback_m, line.length))
+        lines.append(shapely.get_coordinates(part))
+    return np.concatenate([lines[0][::-1], route_inside(cluster, chains, a, b)[1:], lines[1][1:]])
+
+
+def _shifted(line: Array, first_m: float, last_m: float) -> Array:
+    """The line moved to the right by a distance that goes from the first to the last."""
+    if len(line) < 2:
+        return line
+    step = np.gradient(line, axis=0)
+    normal = np.column_stack([step[:, 1], -step[:, 0]])
+    normal /= np.maximum(np.hypot(*normal.T), 1e-9)[:, None]
+    share = np.linspace(0.0, 1.0, len(line))[:, None]
+    moved: Array = line + normal * (first_m + (last_m - first_m) * share)
+    return moved
+
+
+def lane_radius(path: Path, ins: Sequence[Border], outs: Sequence[Border]) -> float:
+    """Least radius of the middles of the lanes right of a reference line [m]."""
+    left, right = curvatures(path)
+    widths = [max(a.width_m, b.width_m) for a, b in zip(ins, outs, strict=True)]
+    found = 1e9
+    if right > 1e-9:
+        found = min(found, 1.0 / right - sum(widths) + 0.5 * widths[-1])
+    if left > 1e-9:
+        found = min(found, 1.0 / left + 0.5 * widths[0])
+    return found
+
+
+def _connect(
+    movement: Movement, part: JunctionPart, legs: Sequence[Leg], path: Path, numbers: Numbers, plane: Plane
+) -> RoadPart:
+    from carlaloc_env.authoring.elements.junctions import turn_angle
+
+    source, target = legs[movement.source], legs[movement.target]
+    angles = {
+        j: turn_angle(source, other)
+        for j, other in enumerate(legs)
+        if j != movement.source and other.outgoing
+    }
+    outermost = movement.target == (min(angles, key=lambda j: angles[j]) if angles else movement.source)
+    road = connect(
+        part, source, target, movement.lanes, numbers, plane,
+        outer=outermost, path=path, inner=len(legs) == 2 and not source.outgoing,
+    )  # fmt: skip
+    road.name = f"{part.name}: {movement.turn} from {source.road.name}"
+    return road

@@ -1,0 +1,104 @@
+"""The `town.toml` of an imported town: its place, zones from land use, traffic, route."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from carlaloc_env.openstreetmap.extract import Extract
+from carlaloc_env.openstreetmap.features import Feature, Features
+from carlaloc_env.openstreetmap.road_network import RoadNetwork
+
+ZONES = {
+    "field": "rural", "wood": "rural", "residential": "residential", "industrial": "industrial",
+    "downtown": "downtown", "green": "park", "water": "water",
+}  # fmt: skip
+"""Kinds of zones of areas, those that hold over others last."""
+LEAST_M2 = {"water": 150.0, "park": 400.0}
+"""Smallest area that becomes a zone; of other kinds ten times as much [m²]."""
+DENSE = 0.28
+"""Share of the ground under houses from which a quarter without land use is a downtown."""
+VEHICLES_PER_KM, WALKERS_PER_KM = 7.0, 4.0
+"""Road users for each kilometre of street."""
+MOST_VEHICLES, MOST_WALKERS = 160, 60
+
+
+def settings_text(name: str, extract: Extract, features: Features, network: RoadNetwork) -> str:
+    """Text of `town.toml`."""
+    geo = extract.geo
+    roads = [road for road in network.roads if road.junction < 0]
+    km = sum(road.length for road in roads) / 1000.0
+    walked = sum(road.length for road in roads if _walked(road)) / 1000.0  # type: ignore[arg-type]
+    lines = [
+        "# Made of OpenStreetMap: © OpenStreetMap contributors, ODbL 1.0.",
+        "",
+        "[town]",
+        f"name = {json.dumps(name, ensure_ascii=False)}",
+        f'description = "{km:.1f} km of streets from OpenStreetMap"',
+        f'default_zone = "{_default_zone(features, network)}"',
+        "",
+        "[geo]",
+        f"latitude_deg = {geo.latitude_deg}",
+        f"longitude_deg = {geo.longitude_deg}",
+        "",
+        "[traffic]",
+        f"vehicles = {min(MOST_VEHICLES, round(VEHICLES_PER_KM * km))}",
+        f"walkers = {min(MOST_WALKERS, round(WALKERS_PER_KM * walked))}",
+    ]
+    dry = _ground_of(network)
+    for kind, zone in ZONES.items():
+        for feature in features.of(kind):
+            shape = feature.shape
+            if zone == "water":
+                shape = shapely.difference(shape, dry)
+            for part in shapely.get_parts(shapely.simplify(shape, 1.0)):
+                if part.geom_type == "Polygon" and part.area >= LEAST_M2.get(zone, 3000.0):
+                    lines += ["", "[[zone]]", f'kind = "{zone}"', f"polygon = {_corners(part)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _walked(road) -> bool:  # type: ignore[no-untyped-def]
+    return any(lane.kind == "sidewalk" for _, lane in road.sections[0].lanes())
+
+
+def _corners(polygon: shapely.Polygon) -> str:
+    corners = shapely.get_coordinates(polygon.exterior)[:-1]
+    return "[" + ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in corners) + "]"
+
+
+def _ground_of(network: RoadNetwork) -> shapely.Geometry:
+    """Ground of all streets that stand on it, with a margin: no water lies there."""
+    shapes = []
+    for road in network.roads:
+        if any(abs(a) > 2.0 for _, a, *_ in road.elevation):
+            continue
+        count = max(2, int(road.length / 6.0) + 1)
+        points = [road.path.at(road.length * k / (count - 1)) for k in range(count)]
+        section = road.sections[0]
+        half = (
+            max(sum(lane.width_at(0.0) for lane in side) for side in (section.left, section.right, [])) + 2.5
+        )
+        shapes.append(
+            shapely.buffer(
+                shapely.LineString([(p.x, p.y) for p in points]), half + abs(section.offset[0][1][0])
+            )
+        )
+    return shapely.union_all(shapes)
+
+
+def _default_zone(features: Features, network: RoadNetwork) -> str:
+    """Downtown where houses are dense, country where they are few, a small town else."""
+    houses = features.of("building")
+    points = np.array([(p.x, p.y) for road in network.roads for p in (road.path.start, road.path.end)])
+    near = shapely.buffer(shapely.MultiPoint(points), 60.0)
+    share = _area(houses) / max(near.area, 1.0)
+    if share > DENSE:
+        return "downtown"
+    return "small_town" if share > 0.06 else "rural"
+
+
+def _area(features: Sequence[Feature]) -> float:
+    return float(sum(feature.shape.area for feature in features))

@@ -1,0 +1,258 @@
+"""What tags of a street say: lanes, widths, limits, sidewalks; and what classes say where tags are missing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from carlaloc_env.openstreetmap.countries import Country
+from carlaloc_env.openstreetmap.extract import Tags, Way
+
+CLASSES: dict[str, tuple[int, float]] = {
+    "motorway": (7, 3.75), "trunk": (6, 3.5), "primary": (5, 3.5), "secondary": (4, 3.25),
+    "tertiary": (3, 3.25), "motorway_link": (4, 3.75), "trunk_link": (4, 3.5), "primary_link": (3, 3.5),
+    "secondary_link": (3, 3.25), "tertiary_link": (2, 3.25), "unclassified": (2, 3.0),
+    "residential": (1, 3.0), "living_street": (0, 2.75),
+}  # fmt: skip
+"""Rank of every class of street that cars use, and width of its lanes where no tag says it [m]."""
+LANE_M = (2.3, 3.75)
+"""Narrowest and widest lane that is built [m]."""
+MOST_LANES = 6
+"""Most lanes of one direction."""
+_MPH, _KNOT = 1.609344, 1.852
+_NUMBER = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(mph|knots|km/h|kmh|kph|m|ft|')?", re.IGNORECASE)
+_YES = ("yes", "1", "true")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Street:
+    """What one way says, in its own direction of travel."""
+
+    name: str
+    rank: int
+    oneway: bool
+    lanes: tuple[int, int]
+    """Lanes along the way and against it."""
+    turns: tuple[tuple[str, ...], tuple[str, ...]]
+    """Marks of the lanes along it and against it, from the left of their drivers; empty: none tagged."""
+    lane_m: float
+    speed_kmh: float
+    walks: tuple[float, float]
+    """Widths of the sidewalks on the left and on the right [m]."""
+    bike_m: float
+    level: int
+    ring: bool
+    """Whether the way is part of a roundabout."""
+    surface: str
+    kind: str
+    """Road type of OpenDRIVE."""
+    guesses: tuple[str, ...]
+    """What no tag said, by its name."""
+
+
+def number(text: str | None) -> float | None:
+    """First number of a tag in metres, km/h or as it stands; None where it has none."""
+    found = _NUMBER.match((text or "").replace(",", "."))
+    if not found:
+        return None
+    unit = (found[2] or "").lower()
+    factor = {"mph": _MPH, "knots": _KNOT, "ft": 0.3048, "'": 0.3048}.get(unit, 1.0)
+    return float(found[1]) * factor
+
+
+def for_cars(way: Way) -> bool:
+    """Whether cars may use a way that is a street."""
+    tags = way.tags
+    if tags.get("highway") not in CLASSES or tags.get("area") == "yes" or len(way.nodes) < 2:
+        return False
+    allowed = next((tags[k] for k in ("motorcar", "motor_vehicle", "vehicle", "access") if k in tags), "yes")
+    return allowed not in ("no", "private", "agricultural", "forestry", "delivery", "emergency")
+
+
+def direction(tags: Tags) -> int:
+    """1: one-way along the nodes, −1: against them, 0: two-way."""
+    said = tags.get("oneway", "")
+    if said == "-1" or said == "reverse":
+        return -1
+    if said in _YES:
+        return 1
+    ring = tags.get("junction") in ("roundabout", "circular")
+    fast = tags.get("highway") in ("motorway", "motorway_link")
+    return 1 if said != "no" and (ring or fast) else 0
+
+
+def read_street(way: Way, country: Country, in_town: bool, *, left: bool) -> Street:
+    """What a way's tags say, the rest guessed by its class.
+
+    Args:
+        way: A way for cars, whose one-way traffic runs along its nodes.
+        country: Rules where no sign stands.
+        in_town: Whether houses stand beside it.
+        left: Whether traffic keeps to the left; sides are then mirrored.
+    """
+    tags, guesses = way.tags, []
+    kind = tags["highway"]
+    rank, lane_m = CLASSES[kind]
+    oneway = direction(tags) != 0
+    lanes, tagged = _lanes(tags, oneway, kind)
+    if not tagged:
+        guesses.append("lanes")
+    width = number(tags.get("width:carriageway") or tags.get("width"))
+    if width is not None and 2.0 <= width <= 60.0:
+        lane_m = width / sum(lanes)
+    else:
+        guesses.append("width")
+    limit = _limit(tags.get("maxspeed") or tags.get("maxspeed:forward"), country)
+    if limit is None:
+        guesses.append("maxspeed")
+        limit = _usual_limit(kind, country, in_town)
+    walks, said = _walks(tags, kind, limit, in_town)
+    if not said:
+        guesses.append("sidewalk")
+    if left:
+        walks = walks[::-1]
+    paths = ("cycleway", "cycleway:both", "cycleway:right", "cycleway:left")
+    return Street(
+        name=tags.get("name") or tags.get("ref") or kind,
+        rank=rank,
+        oneway=oneway,
+        lanes=lanes,
+        turns=_turns(tags, lanes, oneway, left),
+        lane_m=min(max(lane_m, LANE_M[0]), LANE_M[1]),
+        speed_kmh=limit,
+        walks=walks,
+        bike_m=1.5 if any(tags.get(key) == "lane" for key in paths) else 0.0,
+        level=_level(tags),
+        ring=tags.get("junction") in ("roundabout", "circular"),
+        surface=_SURFACES.get(tags.get("surface", ""), "asphalt"),
+        kind=_kind(kind, in_town),
+        guesses=tuple(guesses),
+    )
+
+
+def _lanes(tags: Tags, oneway: bool, kind: str) -> tuple[tuple[int, int], bool]:
+    def count(key: str) -> int | None:
+        value = number(tags.get(key))
+        return None if value is None or not 1 <= value <= 2 * MOST_LANES else int(value)
+
+    total, ahead, back = count("lanes"), count("lanes:forward"), count("lanes:backward")
+    usual = 2 if kind in ("motorway", "trunk") else 1
+    if oneway:
+        return (min(total or ahead or usual, MOST_LANES), 0), total is not None or ahead is not None
+    if total is not None and ahead is None and back is not None:
+        ahead = max(total - back, 1)
+    if total is not None and back is None:
+        back = max(total - ahead, 1) if ahead is not None else max(total // 2, 1)
+    if ahead is None:
+        ahead = max((total or 2) - (back or 1), 1)
+    return (min(ahead, MOST_LANES), min(back or 1, MOST_LANES)), total is not None
+
+
+def _turns(
+    tags: Tags, lanes: tuple[int, int], oneway: bool, left: bool
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    found = []
+    for k, keys in enumerate((("turn:lanes:forward", "turn:lanes"), ("turn:lanes:backward",))):
+        text = next((tags[key] for key in keys if key in tags and (oneway or key != "turn:lanes")), "")
+        marks = tuple(text.split("|"))
+        if len(marks) != lanes[k] or not text:
+            marks = ()
+        found.append(tuple(map(_swapped, reversed(marks))) if left else marks)
+    return found[0], found[1]
+
+
+def _swapped(mark: str) -> str:
+    return mark.replace("left", "#").replace("right", "left").replace("#", "right")
+
+
+def _limit(text: str | None, country: Country) -> float | None:
+    if not text:
+        return None
+    text = text.split(";")[0].strip().lower()
+    if text == "walk" or text.endswith(":walk") or text.endswith("living_street"):
+        return 10.0
+    if text == "none":
+        return country.motorway_kmh
+    for word, limit in (
+        ("urban", country.town_kmh), ("nsl_restricted", country.town_kmh), ("rural", country.country_kmh),
+        ("nsl_single", country.country_kmh), ("nsl_dual", country.motorway_kmh),
+        ("motorway", country.motorway_kmh), ("zone30", 30.0), ("zone:30", 30.0), ("zone20", 20.0),
+    ):  # fmt: skip
+        if word in text:
+            return limit
+    value = number(text)
+    return value if value is not None and 5.0 <= value <= 140.0 else None
+
+
+def _usual_limit(kind: str, country: Country, in_town: bool) -> float:
+    if kind == "living_street":
+        return 10.0
+    if kind == "motorway":
+        return country.motorway_kmh
+    if kind.endswith("_link"):
+        return min(country.country_kmh, 60.0)
+    if in_town:
+        return country.town_kmh
+    return country.country_kmh
+
+
+def _walks(tags: Tags, kind: str, limit_kmh: float, in_town: bool) -> tuple[tuple[float, float], bool]:
+    width = 2.0
+    said = tags.get("sidewalk") or tags.get("sidewalk:both")
+    both = {"both": (True, True), "yes": (True, True), "separate": (True, True), "left": (True, False),
+            "right": (False, True), "no": (False, False), "none": (False, False)}.get(said or "")  # fmt: skip
+    sides = [tags.get("sidewalk:left"), tags.get("sidewalk:right")]
+    if both is None and any(sides):
+        both = (sides[0] in ("yes", "separate"), sides[1] in ("yes", "separate"))
+    if both is None:
+        fast = kind.startswith(("motorway", "trunk")) or limit_kmh > 65.0
+        both = (in_town and not fast,) * 2
+        return (width * both[0], width * both[1]), False
+    return (width * both[0], width * both[1]), True
+
+
+def _level(tags: Tags) -> int:
+    if tags.get("tunnel") == "building_passage":
+        return 0
+    value = number((tags.get("layer") or "").lstrip("-"))
+    level = int(value) if value is not None and value <= 5 else 0
+    if (tags.get("layer") or "").startswith("-"):
+        level = -level
+    bridge = tags.get("bridge", "no") not in ("no", "boardwalk")
+    tunnel = tags.get("tunnel", "no") not in ("no", "culvert")
+    if bridge and level <= 0:
+        level = 1
+    if tunnel and level >= 0:
+        level = -1
+    return level
+
+
+def _kind(kind: str, in_town: bool) -> str:
+    if kind == "motorway":
+        return "motorway"
+    if kind == "living_street":
+        return "lowSpeed"
+    return "town" if in_town else "rural"
+
+
+_SURFACES = {
+    "concrete": "concrete", "concrete:plates": "concrete", "gravel": "gravel", "fine_gravel": "gravel",
+    "compacted": "gravel", "unpaved": "gravel", "pebblestone": "gravel", "dirt": "dirt", "earth": "dirt",
+    "ground": "dirt", "mud": "dirt", "sand": "dirt",
+}  # fmt: skip
+
+
+def signed_nodes(extract_tags: Tags) -> str:
+    """What stands at a node: `signals`, `stop`, `give_way`, `crossing` or nothing."""
+    kind = extract_tags.get("highway", "")
+    if kind == "traffic_signals":
+        return "signals"
+    if kind == "crossing":
+        return "lit crossing" if extract_tags.get("crossing") == "traffic_signals" else "crossing"
+    return {"stop": "stop", "give_way": "give_way"}.get(kind, "")
+
+
+def widest(streets: Sequence[Street]) -> Street:
+    """The street of the highest class among several."""
+    return max(streets, key=lambda street: street.rank)

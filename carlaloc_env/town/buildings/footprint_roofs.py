@@ -1,0 +1,179 @@
+"""Roofs over outlines of any shape: flat with parapets, or rising inwards from every edge alike."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from carlaloc_env.core import elementary
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.town.buildings.roofs import add_roof
+from carlaloc_env.town.buildings.walls import Shell
+from carlaloc_env.town.meshing.batches import poses
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.meshing.polygons import Area, polygons_of
+
+PARAPET_M, PARAPET_DEPTH_M = 0.6, 0.25
+"""Height and depth of the wall round a flat roof [m]."""
+EAVES_M = 0.35
+"""How far other roofs reach over their walls [m]."""
+SLOPE = 0.65
+"""Rise of a pitched roof over its run where no tag says it."""
+HIGHEST_M = 7.0
+"""Highest of these [m]."""
+STEPS = (0.0, 0.3, 0.6, 0.85, 1.0)
+"""Insets at which such a roof is cut, in parts of the largest one: its faces are planes between them."""
+RECTANGULAR = 0.94
+"""Outlines that fill this share of the rectangle round them are rectangles."""
+_ROUND = {"dome": 0.5, "onion": 0.6, "round": 0.5, "cone": 1.0}
+"""Roofs that are steepest at their foot, and the exponent of their rise."""
+
+
+def roof_rise(outline: Area, shape: str, tagged_m: float) -> float:
+    """Height of a roof above its walls [m]."""
+    if shape == "flat":
+        return 0.0
+    if tagged_m > 0.0:
+        return tagged_m
+    reach = _reach(outline)
+    if shape in _ROUND or shape == "pyramidal":
+        return min(2.0 * reach * SLOPE, 2.0 * HIGHEST_M)
+    return min(reach * SLOPE, HIGHEST_M)
+
+
+def _reach(outline: Area) -> float:
+    """Radius of the largest circle in an outline [m]."""
+    return float(shapely.length(shapely.maximum_inscribed_circle(outline, tolerance=0.1)))
+
+
+def add_footprint_roof(
+    shell: Shell, outline: Area, z: float, shape: str, rise_m: float, rng: np.random.Generator
+) -> None:
+    """Roof an outline whose walls end at height z [m]."""
+    box = _rectangle(outline)
+    if shape == "flat" or rise_m < 0.3:
+        _flat(shell, outline, z)
+    elif shape in ("gable", "front_gable") and box is not None:
+        _over_rectangle(shell, box, z, shape, rng)
+    else:
+        _rising(shell, outline, z, rise_m, _ROUND.get(shape, 1.0))
+
+
+def _rectangle(outline: Area) -> Array | None:
+    """Corners of a rectangle, its longer side first, anticlockwise; None for other outlines."""
+    if outline.interiors:
+        return None
+    around = shapely.minimum_rotated_rectangle(outline)
+    if around.geom_type != "Polygon" or outline.area < RECTANGULAR * around.area:
+        return None
+    corners = shapely.get_coordinates(shapely.orient_polygons(around).exterior)[:4]
+    sides = np.hypot(*(corners[1] - corners[0])), np.hypot(*(corners[2] - corners[1]))
+    return np.asarray(corners if sides[0] >= sides[1] else np.roll(corners, -1, axis=0))
+
+
+def _over_rectangle(shell: Shell, box: Array, z: float, shape: str, rng: np.random.Generator) -> None:
+    """One of our own roofs, laid along the longer side."""
+    along = box[1] - box[0]
+    width, depth = float(np.hypot(*along)), float(np.hypot(*(box[2] - box[1])))
+    local = Shell(out=MeshBuilder(), look=shell.look)
+    add_roof(local, (0.0, 0.0, width, depth), z, rng, top=True)
+    turn = float(elementary.arctan2(along[1], along[0]))
+    shell.out.add(local.out.build().transformed(poses([(*box[0], 0.0)], turn)[0]))
+
+
+def _flat(shell: Shell, outline: Area, z: float) -> None:
+    """A deck, and a parapet where it is wide enough for one."""
+    inner = shapely.buffer(outline, -PARAPET_DEPTH_M, join_style="mitre", mitre_limit=3.0)
+    if inner.area < 0.5 * outline.area:
+        add_level(shell, outline, z, Material.ROOF_FLAT, (190, 188, 185))
+        return
+    top = z + PARAPET_M
+    add_level(shell, inner, z, Material.ROOF_FLAT, (190, 188, 185))
+    add_level(shell, shapely.difference(outline, inner), top, shell.look.material, shell.look.tint)
+    for part in polygons_of(shapely.orient_polygons(inner)):
+        for ring in (part.exterior, *part.interiors):
+            line = shapely.get_coordinates(ring)
+            a, b = line[1:], line[:-1]
+            shell.wall(upright(a, b, z, top))
+    for part in polygons_of(shapely.orient_polygons(outline)):
+        for ring in (part.exterior, *part.interiors):
+            line = shapely.get_coordinates(ring)
+            shell.wall(upright(line[:-1], line[1:], z, top))
+
+
+def _rising(shell: Shell, outline: Area, z: float, rise_m: float, power: float) -> None:
+    """Faces that rise from all edges: rings between insets, each in its plane."""
+    eaves = shapely.buffer(outline, EAVES_M, join_style="mitre", mitre_limit=2.0)
+    eaves = max(polygons_of(eaves), key=lambda part: part.area)
+    reach = _reach(eaves)
+    drop = rise_m * EAVES_M / max(reach, EAVES_M + 0.1)
+    insets = [shapely.buffer(eaves, -s * reach * 0.985, join_style="mitre", mitre_limit=4.0) for s in STEPS]
+    rises = [
+        z - drop + (rise_m + drop) * (1.0 - (1.0 - s) ** (1.0 / power) if power < 1.0 else s) for s in STEPS
+    ]
+    for k, (low, high) in enumerate(zip(insets, insets[1:], strict=False)):
+        _ring(shell, low, high, rises[k], rises[k + 1])
+    for part in polygons_of(insets[-1]):
+        add_level(shell, part, rises[-1], *shell.look.roof)
+    add_level(
+        shell, shapely.difference(eaves, outline), rises[0] - 0.1, Material.WOOD, shell.look.trim, down=True
+    )
+    line = shapely.get_coordinates(shapely.orient_polygons(eaves).exterior)
+    shell.trim(upright(line[:-1], line[1:], rises[0] - 0.1, rises[0]), Material.WOOD)
+
+
+def _ring(shell: Shell, low: Area, high: Area, z_low: float, z_high: float) -> None:
+    ring = shapely.difference(low, high)
+    corners = _triangles(ring)
+    if not len(corners):
+        return
+    flat = corners.reshape(-1, 2)
+    inner = np.zeros(len(flat), dtype=bool)
+    if not high.is_empty:
+        inner = shapely.distance(shapely.points(flat), high) < 1e-4
+    points = np.column_stack([flat, np.where(inner, z_high, z_low)])
+    material, tint = shell.look.roof
+    _add(shell, points, material, tint)
+
+
+def add_level(
+    shell: Shell, area: Area, z: float, material: Material, tint: tuple[int, int, int], *, down: bool = False
+) -> None:
+    """A level face over an area, seen from above, or from below where it looks `down`."""
+    corners = _triangles(area)
+    if not len(corners):
+        return
+    if down:
+        corners = corners[:, ::-1]
+    flat = corners.reshape(-1, 2)
+    _add(shell, np.column_stack([flat, np.full(len(flat), z)]), material, tint)
+
+
+def _add(shell: Shell, points: Array, material: Material, tint: tuple[int, int, int]) -> None:
+    # Degenerate quads keep every face flat.
+    corners = points.reshape(-1, 3, 3)
+    quads = np.concatenate([corners, corners[:, 2:]], axis=1)
+    shell.out.quads(quads, material=material, tag=Tag.BUILDING, colour=tint)
+
+
+def _triangles(area: Area) -> Array:
+    """Anticlockwise triangles (T, 3, 2) of an area."""
+    parts = polygons_of(area)
+    if not parts:
+        return np.zeros((0, 3, 2))
+    found = shapely.get_parts(shapely.constrained_delaunay_triangles(np.array(parts, dtype=object)))
+    corners = shapely.get_coordinates(found).reshape(-1, 4, 2)[:, :3]
+    a, b, c = (corners[:, k] for k in range(3))
+    area2 = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    turned = np.where((area2 < 0)[:, None, None], corners[:, ::-1], corners)
+    result: Array = turned[np.abs(area2) > 1e-6]
+    return result
+
+
+def upright(a: Array, b: Array, low: float, high: float) -> Array:
+    """Upright faces (N, 4, 3) over edges from a to b (N, 2), seen from the right of their direction."""
+    count = len(a)
+    foot, head = np.full((count, 1), low), np.full((count, 1), high)
+    corners = [np.hstack([a, foot]), np.hstack([b, foot]), np.hstack([b, head]), np.hstack([a, head])]
+    return np.stack(corners, axis=1)
