@@ -59,6 +59,8 @@ def tables(columns: dict[str, dict[str, Figure]]) -> str:
         lines += [f"| {title} | real | {names} |", f"|---|---|{'---|' * len(columns)}"]
         for row in rows:
             values = [_value(found.get(row.name)) for found in columns.values()]
+            if set(values) == {"–"}:
+                continue
             lines.append(f"| {row.name} | {row.low:g} to {row.high:g} | {' | '.join(values)} |")
         judged = [
             [found[row.name].verdict for row in rows if row.name in found] for found in columns.values()
@@ -71,7 +73,14 @@ def tables(columns: dict[str, dict[str, Figure]]) -> str:
 def _value(figure: Figure | None) -> str:
     if figure is None or math.isnan(figure.value):
         return "–"
-    text = f"{figure.value:.3g}" if abs(figure.value) < 1000 else f"{figure.value:.0f}"
+    size = abs(figure.value)
+    text = (
+        f"{figure.value:.3f}"
+        if size < 0.1
+        else f"{figure.value:.3g}"
+        if size < 1000
+        else f"{figure.value:.0f}"
+    )
     return f"**{text}**" if figure.verdict == "inside" else text
 
 
