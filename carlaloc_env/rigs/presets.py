@@ -93,10 +93,7 @@ def flu_rig() -> SensorRig:
 
 
 def real_rig() -> SensorRig:
-    """The rig `flu` with industrial cameras: noise, exposure control, motion blur and a wide-angle lens.
-
-    A second IMU of KITTI's grade lies where KITTI's did: above the rear axle, 0.93 m high.
-    """
+    """The rig `flu` with industrial cameras: noise, blur, a wide-angle lens; and an IMU of KITTI's grade."""
     sensors = tuple(
         replace(config, imager=industrial_imager(), shutter=industrial_shutter(), lens=wide_angle_lens())
         if isinstance(config, CameraConfig)
