@@ -59,6 +59,8 @@ def tables(columns: dict[str, dict[str, Figure]]) -> str:
         lines += [f"| {title} | real | {names} |", f"|---|---|{'---|' * len(columns)}"]
         for row in rows:
             values = [_value(found.get(row.name)) for found in columns.values()]
+            if set(values) == {"–"}:
+                continue
             lines.append(f"| {row.name} | {row.low:g} to {row.high:g} | {' | '.join(values)} |")
         judged = [
             [found[row.name].verdict for row in rows if row.name in found] for found in columns.values()
@@ -71,7 +73,14 @@ def tables(columns: dict[str, dict[str, Figure]]) -> str:
 def _value(figure: Figure | None) -> str:
     if figure is None or math.isnan(figure.value):
         return "–"
-    text = f"{figure.value:.3g}" if abs(figure.value) < 1000 else f"{figure.value:.0f}"
+    size = abs(figure.value)
+    text = (
+        f"{figure.value:.3f}"
+        if size < 0.1
+        else f"{figure.value:.3g}"
+        if size < 1000
+        else f"{figure.value:.0f}"
+    )
     return f"**{text}**" if figure.verdict == "inside" else text
 
 
@@ -86,18 +95,19 @@ def draw(bag: Path) -> None:
     axes[0, 0].set(xlim=(-35, 35), ylim=(-35, 35), aspect="equal", title="from above, by intensity")
     axes[0, 0].set(xlabel="x [m]", ylabel="y [m]")
     figure.colorbar(above, ax=axes[0, 0])
-    slab = np.abs(points[..., 1] - 6.0) < 6.0
+    slab = np.abs(points[..., 1] + 8.0) < 8.0
     axes[0, 1].scatter(points[slab][:, 0], points[slab][:, 2], s=0.6, c="tab:blue")
-    axes[0, 1].set(xlim=(-30, 30), title="from the side, 12 m of the left", xlabel="x [m]", ylabel="z [m]")
+    axes[0, 1].set(xlim=(-35, 35), ylim=(-3, 9), title="16 m to the right, from the side")
+    axes[0, 1].set(xlabel="x [m]", ylabel="z [m]")
     low = np.nanpercentile(points[..., 2][(r > 3) & (r < 15)], 20)
-    road = (np.abs(points[..., 2] - low) < 0.15) & (r > 3) & (r < 30)
+    road = (np.abs(points[..., 2] - low) < 0.15) & (r > 3) & (np.abs(points[..., 1]) < 2.0)
     cosine = np.abs(points[..., 2][road]) / r[road]
     axes[1, 0].scatter(cosine, heard[road], s=0.6, c="tab:orange")
-    axes[1, 0].set(xscale="log", title="road: intensity over cosine of incidence", ylim=(0, 60))
+    axes[1, 0].set(title="own lane: intensity over cosine of incidence", ylim=(0, 30))
     axes[1, 0].set(xlabel="cosine", ylabel="intensity")
     step = np.diff(r, axis=0)
     close = np.abs(step) < 0.1
-    axes[1, 1].hist(100 * step[close & (r[1:] < 16)], bins=201, color="tab:green")
+    axes[1, 1].hist(100 * step[close & (r[1:] < 16)], bins=np.arange(-10.1, 10.2, 0.2), color="tab:green")
     axes[1, 1].set(title="range steps from column to column below 16 m", xlabel="[cm]", xlim=(-10, 10))
     figure.savefig(PICTURE, dpi=80)
 

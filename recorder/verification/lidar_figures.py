@@ -6,6 +6,7 @@ noise, edges, missing returns and intensities are read from neighbours on it.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +44,7 @@ class Sweep:
     """Elevation of each ring, shape (R,)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Windows:
+class _Windows(NamedTuple):
     """Stretches of a ring, N of them, and the ranges' residuals about a parabola on each."""
 
     range_m: Array
@@ -240,13 +240,7 @@ def _windows(sweep: Sweep, length_m: float, fewest: int) -> _Windows:
     for n in np.unique(lengths).tolist():
         rows.append(_fitted(sweep, ring[lengths == n], first[lengths == n], n))
     table = np.concatenate(rows)
-    return _Windows(
-        range_m=table[:, 0],
-        middle_m=table[:, 1:4],
-        spread_m=table[:, 4],
-        correlation=table[:, 5],
-        varied=table[:, 6],
-    )
+    return _Windows(table[:, 0], table[:, 1:4], *table[:, 4:].T)
 
 
 @compiled

@@ -22,9 +22,9 @@ from rosbags.interfaces import Connection
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError, EvaluationError, unknown_name
 from recorder.bags import open_bag, refused_in_one_line
-from recorder.dataset.clouds import CLOUD, read_cloud
+from recorder.dataset.clouds import CLOUD, of_one_frame, read_cloud
 from recorder.dataset.readings import imu_sample, stamp_ns
-from recorder.dataset.scans import Scan, cloud_connections, time_rule
+from recorder.dataset.scans import Scan, cloud_connections, scans_of, time_rule
 from recorder.verification.imu_figures import ImuLog, imu_figures
 from recorder.verification.lidar_figures import lidar_figures
 from recorder.verification.picture_figures import REAL_PICTURES, picture_figures
@@ -71,10 +71,15 @@ _LOOKED_AT, _RULE_CLOUDS = 6, 10
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 _LABELS = ("depth", "semantic", "instance", "label", "mask", "segment")
 """Parts of topics' names whose images are no pictures."""
-_CODES = {"rgb8": cv2.COLOR_RGB2BGR, "rgba8": cv2.COLOR_RGBA2BGR, "bgra8": cv2.COLOR_BGRA2BGR}
-_CHANNELS = {"mono8": 1, "8UC1": 1, "bgr8": 3, "rgb8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4}
+_ENCODINGS: dict[str, tuple[int, int | None]] = {
+    "mono8": (1, None), "8UC1": (1, None), "rgb8": (3, cv2.COLOR_RGB2GRAY), "bgr8": (3, cv2.COLOR_BGR2GRAY),
+    "8UC3": (3, cv2.COLOR_BGR2GRAY), "rgba8": (4, cv2.COLOR_RGBA2GRAY), "bgra8": (4, cv2.COLOR_BGRA2GRAY),
+}  # fmt: skip
+"""Channels of an image by its encoding, and OpenCV's conversion to grey."""
 _SPEEDS = ("geometry_msgs/msg/TwistStamped", "nav_msgs/msg/Odometry", "sensor_msgs/msg/NavSatFix")
 """Messages that show the car's speed, the best one first."""
+_DEGREE_M = 40_007_863.0 / 360.0
+"""A degree of a meridian [m]."""
 _BASE_S = 0.5
 """Positions so long before and after show a speed [s]."""
 
@@ -130,7 +135,10 @@ def measure_realism(
         ConfigError: there is no such topic.
     """
     if path.is_dir() and (files := sorted(p for p in path.iterdir() if p.suffix.lower() in _PICTURES)):
-        pictures = [_picture_of_file(file) for file in _spread(files)]
+        pictures = [
+            _decoded(np.fromfile(file, np.uint8), str(file))
+            for file in files[:: max(len(files) // _LOOKED_AT, 1)]
+        ]
         found = _figures("pictures", _mean_of_pictures(pictures), REAL_PICTURES, PICTURE_SOURCE)
         return Realism(path=path, read={"pictures": f"{len(pictures)} of {len(files)} files"}, figures=found)
     with open_bag(path) as reader, refused_in_one_line(path):
@@ -200,11 +208,6 @@ def _figures(
     )
 
 
-def _spread(items: Sequence[Any]) -> Sequence[Any]:
-    """Some of many, evenly."""
-    return items[:: max(len(items) // _LOOKED_AT, 1)]
-
-
 def _topic(
     reader: AnyReader, kinds: tuple[str, ...], wanted: str | None, refused: tuple[str, ...] = ()
 ) -> list[Connection]:
@@ -243,23 +246,10 @@ def _scans(path: Path, reader: AnyReader, topic: str | None) -> tuple[list[Conne
         read_cloud(reader, c, raw)
         for c, _, raw in itertools.islice(reader.messages(connections), _RULE_CLOUDS)
     ]
-    rule = time_rule(first, f"{path}: {connections[0].topic}")
-    scans = []
-    for connection, _, raw in _evenly(reader, connections):
-        cloud = read_cloud(reader, connection, raw, rule.field)
-        if frame and cloud.frame_id != frame:
-            continue
-        stamp, time_s = rule.read(cloud)
-        scans.append(
-            Scan(
-                stamp_ns=stamp,
-                points_xyz_m=cloud.points_xyz_m,
-                time_s=time_s,
-                ring=cloud.ring,
-                intensity=cloud.intensity,
-            )
-        )
-    return connections, scans
+    where = f"{path}: {connections[0].topic}"
+    rule = time_rule(first, where)
+    clouds = ((at, read_cloud(reader, c, raw, rule.field)) for c, at, raw in _evenly(reader, connections))
+    return connections, list(scans_of(of_one_frame(clouds, where, frame), where, rule))
 
 
 def _mean_of_pictures(pictures: Sequence[NDArray[np.uint8]]) -> dict[str, float]:
@@ -269,33 +259,28 @@ def _mean_of_pictures(pictures: Sequence[NDArray[np.uint8]]) -> dict[str, float]
     return {name: float(np.mean(found)) if found else math.nan for name, found in values.items()}
 
 
-def _picture_of_file(file: Path) -> NDArray[np.uint8]:
-    image = cv2.imread(str(file), cv2.IMREAD_COLOR)
+def _decoded(data: NDArray[np.uint8], what: str) -> NDArray[np.uint8]:
+    """Grey values of a file's content (H, W)."""
+    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
     if image is None:
-        raise EvaluationError(f"{file} is no picture, or a damaged one; give a folder of PNG or JPEG files")
+        raise EvaluationError(f"{what} is no picture, or a damaged one; give PNG or JPEG")
     return np.asarray(image, np.uint8)
 
 
 def _picture(reader: AnyReader, connection: Connection, raw: bytes) -> NDArray[np.uint8]:
-    """A message's picture: grey (H, W), or colours in OpenCV's order (H, W, 3)."""
+    """Grey values of a message's picture (H, W)."""
     message: Any = reader.deserialize(raw, connection.msgtype)
     if not hasattr(message, "encoding"):
-        image = cv2.imdecode(np.asarray(message.data, np.uint8), cv2.IMREAD_COLOR)
-        if image is None:
-            raise EvaluationError(f"{connection.topic} holds no JPEG or PNG; --camera names another topic")
-        return np.asarray(image, np.uint8)
-    channels = _CHANNELS.get(message.encoding)
-    if channels is None:
-        known = ", ".join(_CHANNELS)
+        return _decoded(np.asarray(message.data, np.uint8), f"an image on {connection.topic}")
+    if message.encoding not in _ENCODINGS:
+        known = ", ".join(_ENCODINGS)
         raise EvaluationError(
             f"{connection.topic} has images of {message.encoding}, not of {known}; --camera names another"
         )
+    channels, code = _ENCODINGS[message.encoding]
     rows = np.asarray(message.data, np.uint8).reshape(message.height, message.step)
     image = rows[:, : message.width * channels].reshape(message.height, message.width, channels)
-    if channels == 1:
-        return image[..., 0]
-    code = _CODES.get(message.encoding)
-    return image if code is None else np.asarray(cv2.cvtColor(image, code), np.uint8)
+    return image[..., 0] if code is None else np.asarray(cv2.cvtColor(image, code), np.uint8)
 
 
 def _log(reader: AnyReader, connections: list[Connection]) -> ImuLog:
@@ -335,9 +320,7 @@ def _speeds(reader: AnyReader) -> tuple[NDArray[np.int64], Array]:
 def _place(message: Any) -> tuple[float, float]:
     """East and north [m]; of degrees, up to a constant."""
     if hasattr(message, "latitude"):
-        metres = 40_007_863.0 / 360.0
-        return message.longitude * metres * math.cos(
-            math.radians(message.latitude)
-        ), message.latitude * metres
+        east_m = _DEGREE_M * math.cos(math.radians(message.latitude)) * message.longitude
+        return east_m, _DEGREE_M * message.latitude
     position = message.pose.pose.position
     return position.x, position.y

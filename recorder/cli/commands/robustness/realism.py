@@ -53,7 +53,7 @@ def show(result: dict[str, Any]) -> None:
             print(f"  {figure['name']:40} {figure['value']:10.3f}  {real:22} {figure['verdict']}".rstrip())
         if len(known) < len(mine):
             print(f"  {len(mine) - len(known)} further figures cannot be measured here")
-        judged = [figure["verdict"] for figure in mine if figure["verdict"]]
-        print(f"  {judged.count('inside')} of {len(judged)} inside")
+        if judged := [figure["verdict"] for figure in mine if figure["verdict"]]:
+            print(f"  {judged.count('inside')} of {len(judged)} inside")
         for source in dict.fromkeys(figure["source"] for figure in known if figure["source"]):
             print(f"  real: {source}")
