@@ -59,8 +59,7 @@ def ahead(cloud: PointCloud) -> NDArray[np.bool_]:
 
 def backscatter(material: Material, cosine: Array) -> Array:
     table = reflection.reflection_table()
-    law = [table.flat[material], table.slanting[material], table.rough[material]]
-    return np.asarray(table.diffuse[material] * (law[0] + law[1] * cosine + law[2] * (1 - cosine**2)))
+    return np.asarray(table.diffuse[material] * (cosine + table.rough[material] * (1 - cosine**2)))
 
 
 def test_oren_nayar_of_facets() -> None:
@@ -78,14 +77,6 @@ def test_oren_nayar_of_facets() -> None:
         facets = np.sum(weight * np.maximum(lit, 0) ** 2 / np.cos(slope)) / np.sum(weight)
         law = np.cos(theta) * (a * np.cos(theta) + b * np.sin(theta) ** 2)
         assert facets == pytest.approx(law, rel=0.06)
-
-
-def test_lommel_and_seeliger_keep_the_energy() -> None:
-    """Radiance w/4·µ₀/(µ₀ + µ), summed over the sky, is the reflectance that the backscatter is named by."""
-    mu = (np.arange(200_000) + 0.5) / 200_000
-    hemispherical = np.mean(2 * np.pi * mu * (1 / (4 * np.pi)) / (1 + mu))
-    towards_source = np.pi * (1 / (4 * np.pi)) / 2
-    assert towards_source / hemispherical == pytest.approx(reflection.LOMMEL_SEELIGER, rel=1e-6)
 
 
 def test_mirrors_shine_face_on_alone(scenery: Any) -> None:
