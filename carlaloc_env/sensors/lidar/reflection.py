@@ -66,6 +66,8 @@ _SCATTERED: dict[Material, float] = {
 Of clean glass 8 % of the light come back from its two faces (n = 1.5), nearly all mirrored; dust scatters
 1 %. Windows have frames and curtains besides, and car paint a clear coat that mirrors 4 %.
 """
+_PANES_RAD = 0.01
+"""Least spread of the slopes of mirrors [rad]: panes of one front do not hang quite alike."""
 GRAIN_M = 0.01
 """Size of the largest stones in a road's wearing course [m] (AC 11 of EN 13108-1)."""
 
@@ -80,7 +82,7 @@ class ReflectionTable(NamedTuple):
     rough: NDArray[np.float64]
     """B/A of Oren and Nayar."""
     mirror_slope: NDArray[np.float64]
-    """Beckmann's m of the mirroring facets."""
+    """Beckmann's m of the mirroring facets, the square of the roughness."""
     retro: NDArray[np.float64]
     """Share of retro-reflection."""
     contrast: NDArray[np.float64]
@@ -97,7 +99,7 @@ def reflection_table(*, grains: bool = True) -> ReflectionTable:
         a, b = oren_nayar(_SLOPES.get(kind, _SLOPE))
         parts = info.reflectance * share, info.reflectance * (1.0 - share)
         uneven = _GRAINS.get(kind, (0.0, 0.0)) if grains else (0.0, 0.0)
-        rows.append((*parts, b / a, info.roughness, info.retro, *uneven))
+        rows.append((*parts, b / a, max(info.roughness**2, _PANES_RAD), info.retro, *uneven))
     return ReflectionTable(*(np.ascontiguousarray(column) for column in np.array(rows).T))
 
 
