@@ -90,7 +90,7 @@ class ReceiverConfig:
     255/24: of 8 bits, with 24 as the default threshold of noise in the manual of the HDL-64E S3."""
     beam_mrad: tuple[float, float] = (3.0, 1.5)
     """Width of the beam along the scan and across it [mrad]; manual of the VLS-128, whose beams are such."""
-    edge_rays: int = 6
+    edge_rays: int = 4
     """Rays besides the middle one of a beam whose neighbours lie elsewhere, so that edges mix; 0: none."""
     relief: bool = True
     """Whether the ground's grains and its waves shorter than 10 m, which wheels feel, show in ranges."""

@@ -34,7 +34,7 @@ from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig
 ROAD_TAGS = (Tag.ROAD, Tag.ROAD_LINE)
 _SPREAD = 1.0 / math.sqrt(12.0)
 """Standard deviation of a beam's light over its width, evenly lit."""
-_SAMPLES, _LONG_MARK_M = 3, 0.125
+_SAMPLES, _LONG_MARK_M = 3, 0.25
 """Places along a beam's mark on the ground at which its height is read, if it is longer than this [m]."""
 _CLASSES = {
     **dict.fromkeys((Material.PAVEMENT, Material.CONCRETE), "B"),
