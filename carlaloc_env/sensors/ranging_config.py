@@ -47,11 +47,11 @@ class ReceiverConfig:
     Manual: the HDL-32E's user manual (63-9113), and "HDL32E Software Version 2.0 Description" (2012).
     """
 
-    reach_m: float = 70.0
+    reach_m: float = 60.0
     """Distance to which a surface of 10 % reflectance is seen face on [m].
 
     Data sheet of the HDL-64E, whose lasers are of the same kind: 50 m for pavement of 10 %. A car's LiDAR
-    sees it at a slant that halves the pulse's height; face on it would be seen to 70 m."""
+    sees it at a slant that costs a third of the amplitude; face on it would be seen to 60 m."""
     focus_m: float = 4.0
     """Distance below which ever less of an echo falls on the detector [m]; intensities show it.
 

@@ -99,7 +99,7 @@ def test_walls_vanish_at_their_reach(scenery: Any, material: Material) -> None:
     """A wall at a slant of 45° is seen to reach·√(ρ(θ)/0.1), against 97 % and 103 % of it."""
     narrow = replace(STILL, beam_mrad=(1e-3, 1e-3))
     cosine = np.sqrt(0.5)
-    reach_m = 70 * np.sqrt(float(backscatter(material, np.array(cosine))) / 0.1)
+    reach_m = 60 * np.sqrt(float(backscatter(material, np.array(cosine))) / 0.1)
     for share, seen in ((0.97, True), (1.03, False)):
         corner = 1.2 + share * reach_m
         # A wall through (corner, 0) along (1, 1).
@@ -143,7 +143,7 @@ def test_noise_grows_as_echoes_weaken(scenery: Any) -> None:
             cloud, _ = sweep(world, drive, road(noisy, range_noise_m=0.0025, **far), stamp)
             errors.append((ranges(cloud) - ranges(still))[ahead(still)])
         error = np.concatenate(errors)
-        amplitude = 0.55 / 0.1 * (70.0 / distance) ** 2
+        amplitude = 0.55 / 0.1 * (60.0 / distance) ** 2
         assert error.std() == pytest.approx(np.hypot(0.0025, 0.02 / amplitude), rel=0.12)
     stepped, _ = sweep(world, drive, road(replace(noisy, range_quantum_m=0.002)))
     steps = ranges(stepped) / 0.002
