@@ -47,17 +47,17 @@ class ReceiverConfig:
     Manual: the HDL-32E's user manual (63-9113), and "HDL32E Software Version 2.0 Description" (2012).
     """
 
-    reach_m: float = 70.0
+    reach_m: float = 60.0
     """Distance to which a surface of 10 % reflectance is seen face on [m].
 
     Data sheet of the HDL-64E, whose lasers are of the same kind: 50 m for pavement of 10 %. A car's LiDAR
-    sees it at a slant that halves the pulse's height; face on it would be seen to 70 m."""
-    focus_m: float = 3.5
+    sees it at a slant that costs a third of the amplitude; face on it would be seen to 60 m."""
+    focus_m: float = 4.0
     """Distance below which ever less of an echo falls on the detector [m]; intensities show it.
 
     The share 1 − exp(−(R/focus_m)²) is that of Fang et al., "Intensity correction of terrestrial laser
     scanning data by estimating laser transmission function" (2015). Roads in nuScenes' scans (Caesar
-    et al. 2020) are half as bright at 3 to 4.5 m as at 6 to 8 m; with 3.5 m they are two thirds as bright."""
+    et al. 2020) are half as bright at 3 to 4.5 m as at 6 to 8 m; here they are 0.6 times as bright."""
     pulse_m: float = 0.25
     """Standard deviation of the pulse along the ray, there and back [m]: Velodyne's 4 ns at half power."""
     weak_noise_m: float = 0.02
@@ -90,7 +90,7 @@ class ReceiverConfig:
     255/24: of 8 bits, with 24 as the default threshold of noise in the manual of the HDL-64E S3."""
     beam_mrad: tuple[float, float] = (3.0, 1.5)
     """Width of the beam along the scan and across it [mrad]; manual of the VLS-128, whose beams are such."""
-    edge_rays: int = 6
+    edge_rays: int = 4
     """Rays besides the middle one of a beam whose neighbours lie elsewhere, so that edges mix; 0: none."""
     relief: bool = True
     """Whether the ground's grains and its waves shorter than 10 m, which wheels feel, show in ranges."""

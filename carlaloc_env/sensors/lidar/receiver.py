@@ -1,7 +1,8 @@
 """From hits to measurements as a pulsed receiver makes them: echoes found or lost, ranges, intensities.
 
 The amplitude of an echo over that of the weakest one is ρ(θ)·s·f/R² · reach²/0.1 with the reflectance
-towards the source ρ(θ), the stretching s of pulses on slanting ground and the focus f near the sensor. The
+towards the source ρ(θ), the stretching s of pulses on slanting ground and the focus f near the sensor. Of a
+pulse that is n times as long, a filter matched to it finds n^(−½) of the amplitude for the same energy. The
 power of each shot follows from the last echo of its laser, so the first shot behind a near, bright surface
 may be too weak for a far, dark one.
 """
@@ -33,7 +34,7 @@ from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig
 ROAD_TAGS = (Tag.ROAD, Tag.ROAD_LINE)
 _SPREAD = 1.0 / math.sqrt(12.0)
 """Standard deviation of a beam's light over its width, evenly lit."""
-_SAMPLES, _LONG_MARK_M = 3, 0.125
+_SAMPLES, _LONG_MARK_M = 3, 0.25
 """Places along a beam's mark on the ground at which its height is read, if it is longer than this [m]."""
 _CLASSES = {
     **dict.fromkeys((Material.PAVEMENT, Material.CONCRETE), "B"),
@@ -178,7 +179,7 @@ def _receive(
         diffuse = shots.share[i] * reflectance_towards_source(table.reflection, kind, cosine)
         retro = shots.share[i] * table.reflection.retro[kind] * math.sqrt(cosine)
         slant_m = _SPREAD * tall * r * math.sqrt(1.0 - cosine * cosine) / cosine
-        stretch = 1.0 / math.sqrt(1.0 + slant_m * slant_m / (2.0 * pulse_m * pulse_m))
+        stretch = 1.0 / math.sqrt(math.sqrt(1.0 + slant_m * slant_m / (pulse_m * pulse_m)))
         focus = 1.0 - elementary_kernels.exp(-(r * r) / (focus_m * focus_m))
         full = scale * (diffuse + 10.0 * retro) * stretch * focus / (r * r)
         noise = hiss * shots.normal[1, i]

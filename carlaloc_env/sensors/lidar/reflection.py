@@ -1,14 +1,11 @@
 """How surfaces send laser pulses back towards their source: rough faces, grains, mirrors.
 
-Rough solid surfaces follow Oren and Nayar, "Generalization of Lambert's reflectance model" (SIGGRAPH 1994):
-facets whose slopes have a spread σ. Where source and eye coincide, their radiance over that of a white
-surface face on is ρ·(cosθ + (B/A)·sin²θ) with A = 1 − σ²/(2·(σ² + 0.33)) and B = 0.45·σ²/(σ² + 0.09).
-
-Dark ground of grains, such as asphalt, scatters light once and follows Lommel and Seeliger's law, as the Moon
-does, which is as bright at its limb as in its middle (Hapke, "Bidirectional reflectance spectroscopy 1",
-J. Geophys. Res. 86, 1981): towards its source it sends ρ/(4·(1 − ln 2)) from every direction. Terrestrial
-scanners find gravel and sand nearly independent of the incidence as well (Kaasalainen et al., Remote Sensing
-3, 2011). In both laws ρ is the hemispherical reflectance in light from above, as spectral libraries have it.
+Rough surfaces follow Oren and Nayar, "Generalization of Lambert's reflectance model" (SIGGRAPH 1994): facets
+whose slopes have a spread σ. Where source and eye coincide, their radiance over that of a white surface
+face on is ρ·(cosθ + (B/A)·sin²θ) with A = 1 − σ²/(2·(σ² + 0.33)) and B = 0.45·σ²/(σ² + 0.09); ρ is the
+hemispherical reflectance in light from above, as spectral libraries have it. So asphalt hardly darkens
+towards the horizon. Terrestrial scanners find gravel and sand nearly independent of the incidence as well
+(Kaasalainen et al., Remote Sensing 3, 2011).
 
 Smooth surfaces scatter a part of their reflectance and mirror the rest: facets of Cook and Torrance, "A
 reflectance model for computer graphics" (1982), whose slopes have Beckmann's distribution. They shine
@@ -28,21 +25,20 @@ from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.raycast import Hits
 from carlaloc_env.scene.materials import MATERIALS, Material
 
-_REFLECTANCE = {Material.ASPHALT: 0.10, Material.ASPHALT_MOTORWAY: 0.11, Material.ASPHALT_OLD: 0.13}
-"""Hemispherical reflectance at 905 nm where it is not that of `MATERIALS`, whose roads are brighter.
-
-Data sheets of Velodyne's name 10 % for pavement; old asphalt is as much brighter as in `MATERIALS`."""
 _GRAINS: dict[Material, tuple[float, float]] = {
     **dict.fromkeys((Material.ASPHALT, Material.ASPHALT_OLD, Material.ASPHALT_MOTORWAY), (0.4, 0.6e-3)),
     **dict.fromkeys((Material.GRAVEL, Material.RUBBLE), (0.4, 0.6e-3)),
     **dict.fromkeys((Material.SOIL, Material.FURROWS, Material.GRASS, Material.CROP), (0.3, 0.6e-3)),
 }
-"""Contrast and height [m] of the grains of dark ground.
+"""Contrast and height [m] of the grains of the ground.
 
 Contrast: standard deviation of the reflectance of single stones, pale and dark, over their mean. Height:
 0.6 mm rms is a mean profile depth of about 0.8 mm, which is usual for asphalt (ISO 13473-1).
 """
 _SLOPES: dict[Material, float] = {
+    **dict.fromkeys((Material.ASPHALT, Material.ASPHALT_OLD, Material.ASPHALT_MOTORWAY), 0.70),
+    **dict.fromkeys((Material.GRAVEL, Material.RUBBLE, Material.SOIL, Material.FURROWS), 0.80),
+    **dict.fromkeys((Material.GRASS, Material.CROP), 1.00),
     **dict.fromkeys((Material.BRICK_RED, Material.BRICK_BROWN, Material.PLASTER, Material.ASHLAR), 0.52),
     **dict.fromkeys((Material.CONCRETE, Material.PAVEMENT, Material.KERB), 0.52),
     **dict.fromkeys((Material.ROAD_PAINT_WHITE, Material.ROAD_PAINT_YELLOW), 0.52),
@@ -51,7 +47,9 @@ _SLOPES: dict[Material, float] = {
     **dict.fromkeys((Material.METAL_PAINTED, Material.CAR_PAINT, Material.SIGN, Material.PLATE), 0.10),
     **dict.fromkeys((Material.GLASS, Material.WINDOW, Material.WINDOW_WIDE, Material.WATER), 0.05),
 }
-"""Spread of the facets' slopes [rad]: 30° for wall plaster as Oren and Nayar measured it, others by it."""
+"""Spread of the facets' slopes [rad]: 30° for wall plaster and 35° for sand, as Oren and Nayar measured them.
+
+Others are set beside these: stones of asphalt are steeper than sand, and blades of grass steeper still."""
 _SLOPE = 0.35
 """Spread of the slopes of other materials [rad]."""
 _SCATTERED: dict[Material, float] = {
@@ -68,8 +66,8 @@ _SCATTERED: dict[Material, float] = {
 Of clean glass 8 % of the light come back from its two faces (n = 1.5), nearly all mirrored; dust scatters
 1 %. Windows have frames and curtains besides, and car paint a clear coat that mirrors 4 %.
 """
-LOMMEL_SEELIGER = 0.25 / (1.0 - 0.6931471805599453)
-"""Brightness towards the source over the hemispherical reflectance in light from above: 1/(4·(1 − ln 2))."""
+_PANES_RAD = 0.01
+"""Least spread of the slopes of mirrors [rad]: panes of one front do not hang quite alike."""
 GRAIN_M = 0.01
 """Size of the largest stones in a road's wearing course [m] (AC 11 of EN 13108-1)."""
 
@@ -81,14 +79,10 @@ class ReflectionTable(NamedTuple):
     """Scattered part of the reflectance face on."""
     mirrored: NDArray[np.float64]
     """Mirrored part."""
-    flat: NDArray[np.float64]
-    """Coefficient of 1 in the scattered light, of Lommel and Seeliger."""
-    slanting: NDArray[np.float64]
-    """Coefficient of cosθ, of Lambert."""
     rough: NDArray[np.float64]
-    """Coefficient of sin²θ, of Oren and Nayar."""
+    """B/A of Oren and Nayar."""
     mirror_slope: NDArray[np.float64]
-    """Beckmann's m of the mirroring facets."""
+    """Beckmann's m of the mirroring facets, the square of the roughness."""
     retro: NDArray[np.float64]
     """Share of retro-reflection."""
     contrast: NDArray[np.float64]
@@ -103,11 +97,9 @@ def reflection_table(*, grains: bool = True) -> ReflectionTable:
     for kind in Material:
         info, share = MATERIALS[kind], _SCATTERED.get(kind, 1.0)
         a, b = oren_nayar(_SLOPES.get(kind, _SLOPE))
-        law = (LOMMEL_SEELIGER, 0.0, 0.0) if kind in _GRAINS else (0.0, 1.0, b / a)
-        reflectance = _REFLECTANCE.get(kind, info.reflectance)
-        parts = reflectance * share, reflectance * (1.0 - share)
+        parts = info.reflectance * share, info.reflectance * (1.0 - share)
         uneven = _GRAINS.get(kind, (0.0, 0.0)) if grains else (0.0, 0.0)
-        rows.append((*parts, *law, info.roughness, info.retro, *uneven))
+        rows.append((*parts, b / a, max(info.roughness**2, _PANES_RAD), info.retro, *uneven))
     return ReflectionTable(*(np.ascontiguousarray(column) for column in np.array(rows).T))
 
 
@@ -127,8 +119,7 @@ def reflectance_towards_source(table: ReflectionTable, kind: int, cosine: float)
         cosine: Cosine between ray and surface normal.
     """
     sine_squared = 1.0 - cosine * cosine
-    law = table.flat[kind] + table.slanting[kind] * cosine + table.rough[kind] * sine_squared
-    scattered = table.diffuse[kind] * law
+    scattered = table.diffuse[kind] * (cosine + table.rough[kind] * sine_squared)
     mirrored = 0.0
     if table.mirrored[kind] > 0.0 and cosine > 0.5:
         width = table.mirror_slope[kind] * table.mirror_slope[kind]

@@ -59,8 +59,7 @@ def ahead(cloud: PointCloud) -> NDArray[np.bool_]:
 
 def backscatter(material: Material, cosine: Array) -> Array:
     table = reflection.reflection_table()
-    law = [table.flat[material], table.slanting[material], table.rough[material]]
-    return np.asarray(table.diffuse[material] * (law[0] + law[1] * cosine + law[2] * (1 - cosine**2)))
+    return np.asarray(table.diffuse[material] * (cosine + table.rough[material] * (1 - cosine**2)))
 
 
 def test_oren_nayar_of_facets() -> None:
@@ -80,14 +79,6 @@ def test_oren_nayar_of_facets() -> None:
         assert facets == pytest.approx(law, rel=0.06)
 
 
-def test_lommel_and_seeliger_keep_the_energy() -> None:
-    """Radiance w/4·µ₀/(µ₀ + µ), summed over the sky, is the reflectance that the backscatter is named by."""
-    mu = (np.arange(200_000) + 0.5) / 200_000
-    hemispherical = np.mean(2 * np.pi * mu * (1 / (4 * np.pi)) / (1 + mu))
-    towards_source = np.pi * (1 / (4 * np.pi)) / 2
-    assert towards_source / hemispherical == pytest.approx(reflection.LOMMEL_SEELIGER, rel=1e-6)
-
-
 def test_mirrors_shine_face_on_alone(scenery: Any) -> None:
     """The lobe of glass holds its mirrored light: over the half sphere it sums to the mirrored share."""
     table = reflection.reflection_table()
@@ -100,7 +91,7 @@ def test_mirrors_shine_face_on_alone(scenery: Any) -> None:
     cloud, _ = sweep(facing(scenery, 21.2, Material.GLASS), scenery.drive(scenery.straight(), 0.2), road())
     off_axis = np.degrees(np.arccos(cloud.points_xyz_m[:, 0] / ranges(cloud)))
     assert cloud.intensity[off_axis < 1].min() == 100
-    assert off_axis.max() < 12
+    assert off_axis.max() < 4
 
 
 @pytest.mark.parametrize("material", [Material.ASPHALT, Material.PLASTER, Material.GLASS])
@@ -108,7 +99,7 @@ def test_walls_vanish_at_their_reach(scenery: Any, material: Material) -> None:
     """A wall at a slant of 45° is seen to reach·√(ρ(θ)/0.1), against 97 % and 103 % of it."""
     narrow = replace(STILL, beam_mrad=(1e-3, 1e-3))
     cosine = np.sqrt(0.5)
-    reach_m = 70 * np.sqrt(float(backscatter(material, np.array(cosine))) / 0.1)
+    reach_m = 60 * np.sqrt(float(backscatter(material, np.array(cosine))) / 0.1)
     for share, seen in ((0.97, True), (1.03, False)):
         corner = 1.2 + share * reach_m
         # A wall through (corner, 0) along (1, 1).
@@ -152,7 +143,7 @@ def test_noise_grows_as_echoes_weaken(scenery: Any) -> None:
             cloud, _ = sweep(world, drive, road(noisy, range_noise_m=0.0025, **far), stamp)
             errors.append((ranges(cloud) - ranges(still))[ahead(still)])
         error = np.concatenate(errors)
-        amplitude = 0.55 / 0.1 * (70.0 / distance) ** 2
+        amplitude = 0.55 / 0.1 * (60.0 / distance) ** 2
         assert error.std() == pytest.approx(np.hypot(0.0025, 0.02 / amplitude), rel=0.12)
     stepped, _ = sweep(world, drive, road(replace(noisy, range_quantum_m=0.002)))
     steps = ranges(stepped) / 0.002
