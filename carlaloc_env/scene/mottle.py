@@ -22,7 +22,7 @@ MOTTLE = {
 """Deviation of the reflectance as a share of its mean; 0 for all other materials.
 
 On asphalt intensities of a real HDL-32E deviate by 13 % within 1.5 m (two scans of nuScenes, Caesar et al.
-2020), quantum included; this is 15 % at 4 m and 9 % at 16 m. Of the rest only the order of magnitude is known.
+2020), quantum included; this is 15 % at 4 m and 9 % at 16 m. The rest are estimates.
 """
 CYCLES_PER_M = (2.3, 7.1, 23.0)
 """Frequencies of the pattern's layers [1/m]: trodden and worn places, repairs of a hand's width, stones."""
