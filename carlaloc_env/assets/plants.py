@@ -244,8 +244,9 @@ def climber(seed: int = 0, height_m: float = 3.2, width_m: float = 1.3) -> Mesh:
     # Shoots spread on their way up, and fewer get to the top.
     centre = 0.25 * width_m * elementary.sin(5.0 * up + seed)
     x = centre + width_m * (0.22 + 0.3 * up) * np.clip(rng.normal(0.0, 0.6, count), -1.2, 1.2)
-    y = -0.03 - 0.32 * rng.uniform(0.0, 1.0, count) ** 1.5 * (1.0 - 0.4 * up)
-    points = np.stack([x, y, height_m * up**1.2], axis=-1)
+    thick = rng.uniform(0.0, 1.0, count)
+    y = -0.03 - 0.32 * thick * np.sqrt(thick) * (1.0 - 0.4 * up)
+    points = np.stack([x, y, height_m * up * (0.8 + 0.2 * up)], axis=-1)
     out = np.tile([0.0, -0.95, 0.31], (count, 1))
     return leaf_triangles(rng, points, out, np.full(count, size), (205, 220, 185), 0.7 + 0.3 * (-y / 0.35))
 

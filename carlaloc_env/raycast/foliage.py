@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from carlaloc_env.core import elementary_kernels
+from carlaloc_env.core import elementary, elementary_kernels
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.jit import compiled
 
@@ -19,7 +19,7 @@ GAP_M = 0.8
 """Surfaces farther behind one another belong to different crowns [m]."""
 CELL_M = 0.04
 """Rays that enter in one cell of this size get equally deep [m]."""
-_PASSED = 1.0 - math.exp(-DEEPEST_M / FREE_PATH_M)
+_PASSED = 1.0 - float(elementary.exp(np.float64(-DEEPEST_M / FREE_PATH_M)))
 """Share of the rays that get no farther than the deepest."""
 
 

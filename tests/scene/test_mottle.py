@@ -10,7 +10,18 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.scene.materials import Material, Tag, material_values
 from carlaloc_env.scene.mesh import Instances, make_mesh
-from carlaloc_env.scene.mottle import GAINS, MOTTLE, SEEN, WEAR, mottle_table, tone_at, value_noise
+from carlaloc_env.scene.mottle import (
+    CYCLES_PER_M,
+    GAINS,
+    MOTTLE,
+    SEEN,
+    WEAR,
+    WEAR_PER_M,
+    WEAR_SHIFT,
+    mottle_table,
+    tone_at,
+    value_noise,
+)
 from carlaloc_env.weather.parameters import WeatherParameters
 
 
@@ -25,13 +36,17 @@ def tones_of(
     return np.array([tone_at(x, y, z, normal, footprint_m, fine, dirt) for x, y, z in places_m.tolist()])
 
 
+def noise_of(at: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.array([value_noise(x, y) for x, y in at.tolist()])
+
+
 def places(count: int = 40_000) -> NDArray[np.float64]:
     return np.random.default_rng(1).uniform(-300.0, 300.0, (count, 3)) * [1.0, 1.0, 0.0]
 
 
 def test_noise_has_the_deviation_of_its_closed_form() -> None:
     """Variance 1/12 of a corner's number, times (∫ s² + (1 − s)²)² = (26/35)² of the curve between."""
-    out = np.array([value_noise(x, y) for x, y, _ in places().tolist()])
+    out = noise_of(places()[:, :2])
     assert out.mean() == pytest.approx(0.5, abs=0.01)
     assert out.std() == pytest.approx(np.sqrt(1 / 12) * 26 / 35, rel=0.02)
     assert np.square(GAINS).sum() * out.var() == pytest.approx(1.0, abs=0.05)
@@ -80,8 +95,12 @@ def test_pictures_have_the_pattern_of_the_lidar() -> None:
     v, u = np.mgrid[:size, :size].astype(np.float64)
     x, y = (u - size / 2) * px_m, (size / 2 - v) * px_m
     at = np.stack([x.ravel(), y.ravel(), np.zeros(size * size)], axis=-1)
-    dirt, fine = WEAR * material_values("porosity")[Material.ASPHALT], SEEN * MOTTLE[Material.ASPHALT]
-    expected = tones_of(at, px_m, fine=fine, dirt=dirt).reshape(size, size)
+    expected = 1.0 + WEAR * material_values("porosity")[Material.ASPHALT] * (
+        noise_of(WEAR_PER_M * at[:, :2] + WEAR_SHIFT) - 0.5
+    )
+    for share, gain, cycles_per_m in zip(SEEN, GAINS, CYCLES_PER_M, strict=True):
+        expected += share * gain * MOTTLE[Material.ASPHALT] * (noise_of(cycles_per_m * at[:, :2]) - 0.5)
+    expected = expected.reshape(size, size)
     rest = (seen / expected).ravel()
     assert np.corrcoef(seen.ravel(), expected.ravel())[0, 1] > 0.95
     assert np.log(rest).std() < 0.4 * np.log(expected).std()

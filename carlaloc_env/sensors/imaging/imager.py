@@ -63,7 +63,10 @@ class Imager:
         """
         config = self.config
         exposure_s, gain = config.split(product_s)
-        light = mosaic(radiance_cd_m2) if config.bayer else radiance_cd_m2
+        light = radiance_cd_m2
+        if config.lens_blur_px:
+            light = np.asarray(cv2.GaussianBlur(light, (5, 5), config.lens_blur_px), np.float32)
+        light = mosaic(light) if config.bayer else light
         electrons = light * np.float32(config.electrons_per_cd_m2_s * exposure_s)
         electrons *= self._response
         if config.noise:
