@@ -1,1 +1,1 @@
-"""Parts of the example of splats: what a `colmap` folder holds, and a fit in JAX."""
+"""Parts of the example of splats: views of a `colmap` folder, and a fit in JAX."""
