@@ -232,7 +232,7 @@ class LidarConfig(SensorConfig):
 
     @property
     def near_m(self) -> float:
-        """Distance from which returns are not of the car itself [m]; systems are told to use those alone."""
+        """Distance from which returns are not of the car itself [m]; systems use those alone."""
         car_m = OWN_CAR_M if self.ego_returns else OWN_ROOF_M
         return car_m if self.range_min_m < car_m < self.range_max_m else self.range_min_m
 

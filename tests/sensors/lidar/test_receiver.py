@@ -14,6 +14,7 @@ from carlaloc_env.road.road_profile import LevelGrid, Roughness
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.lidar import reflection
 from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig
 from carlaloc_env.weather.parameters import PRESETS
@@ -279,3 +280,21 @@ def test_receivers_work_in_weather(scenery: Any) -> None:
 def test_bad_receivers_are_refused(changes: dict[str, Any], named: str) -> None:
     with pytest.raises(ConfigError, match=named):
         ReceiverConfig(**changes)
+
+
+def test_a_scan_casts_fewer_rays_than_the_papers(scenery: Any, town03: Any) -> None:
+    """In a street, with the parts of beams on edges, it casts at most as many as the paper's 66 496."""
+    stage = SensorStage(town03, seed=1, weather=PRESETS["ClearNoon"])
+    rays, cast = stage.rays(), []
+    whole = rays.trace
+
+    def counted(beams: Any, *others: Any) -> Any:
+        cast.append(len(beams))
+        return whole(beams, *others)
+
+    rays.trace = counted  # type: ignore[method-assign]
+    real = LidarConfig(mount=MOUNT, **LidarConfig.preset_values("hdl32e_road")).build(stage)
+    real.measure(scenery.drive(scenery.straight(), 0.2), [0])
+    assert len(cast) == 2
+    assert 1085 * 32 * 0.7 < cast[0] < 1085 * 32
+    assert 500 < cast[1] < 2078 * 32 - cast[0]
