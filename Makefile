@@ -12,7 +12,7 @@ $(READY): pyproject.toml .ci/system-libraries
 	@python=$$(PYTHON="$(PYTHON)" .ci/find-python) && PYTHON="$$python" .ci/system-libraries && \
 		if [ "$$python" != $(BIN)/python ]; then "$$python" -m venv --clear .venv; fi
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable ".[slam,evalio,report,parquet,compact,dev]"
+	$(BIN)/python -m pip install --quiet --no-compile --editable ".[slam,evalio,report,parquet,compact,dev]"
 	@touch $(READY)
 
 .venv/warm: $(READY)

@@ -81,6 +81,7 @@ def test_replay_and_evaluate(episode: Path, tmp_path: Path, capfd: Capture) -> N
     assert (tmp_path / "trajectories.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_maps(tmp_path: Path, capfd: Capture) -> None:
     """Towns are listed with their sizes; a good map has no faults; waypoints are written."""
     towns = run_json(capfd, "maps", "list")["towns"]
@@ -187,6 +188,7 @@ def test_usage_errors_exit_with_2(capfd: Capture) -> None:
 
 
 @pytest.mark.parametrize("blocked", ["moderngl", "open3d"])
+@pytest.mark.long
 def test_what_needs_no_graphics_works_without(blocked: str, straight_map: Path, tmp_path: Path) -> None:
     """Without OpenGL or Open3D all the rest works; what needs them says so in one line."""
     code = (

@@ -44,6 +44,7 @@ def test_a_file_does_not_take_the_place_of_a_closed_stream(straight_map: Path, t
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "ascii", "cp437"])
+@pytest.mark.long
 def test_characters_that_a_terminal_lacks_are_replaced(encoding: str, straight_map: Path) -> None:
     whole = carlaloc(f"maps check {straight_map}")
     done = carlaloc(f"maps check {straight_map}", PYTHONIOENCODING=encoding)

@@ -87,6 +87,7 @@ def test_matrix_product_is_numpys() -> None:
     assert elementary.matrix_product(a, b) == pytest.approx(a @ b, abs=1e-14)
 
 
+@pytest.mark.long
 def test_same_bits_without_wide_vectors(tmp_path: Path) -> None:
     digests = []
     for name, switches in (("wide", {}), ("narrow", narrow_environment())):

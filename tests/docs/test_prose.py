@@ -205,6 +205,7 @@ def area_m2(radius_m: float) -> str:
 """
 
 
+@pytest.mark.long
 def test_lines_of_code_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
     """Neither docstrings, comments, blanks nor imports count; every line of a longer statement does."""
     counter = check("code_lines")

@@ -31,6 +31,7 @@ with EpisodeWriter(sys.argv[1], EpisodeHeader(map_name="Town03")) as w:
 """
 
 
+@pytest.mark.long
 def test_killed_recordings_are_readable_up_to_the_last_second(tmp_path: Path) -> None:
     """SIGKILL at random moments, at full speed and at real time (there the wall clock flushes)."""
     rng = random.Random(1)

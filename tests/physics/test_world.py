@@ -225,4 +225,6 @@ def test_renewed_egos_are_let_go() -> None:
     """PyBullet keeps a removed body's shape, 4 kB of it, so that all egos of a world share theirs."""
     with PhysicsWorld(*SQUARE) as world:
         car = EgoCar(world)
-        assert growth(lambda _: car.reset(np.zeros(3), 0.0), 200, 30).memory_mb < 0.5
+        # A leak grows in each of three rounds; a heap that other tests left in pieces may grow once.
+        rounds = [growth(lambda _: car.reset(np.zeros(3), 0.0), 200, 30).memory_mb for _ in range(3)]
+    assert min(rounds) < 0.5

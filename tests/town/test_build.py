@@ -77,6 +77,7 @@ def test_builds_are_equal_byte_for_byte(folder: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.999])
+@pytest.mark.long
 def test_a_truncated_cache_is_built_again(folder: Path, tmp_path: Path, share: float, kind: str) -> None:
     first = load_town(folder, cache_dir=tmp_path / "cache")
     (stored,) = (tmp_path / "cache").glob(f"*.{kind}")
@@ -88,6 +89,7 @@ def test_a_truncated_cache_is_built_again(folder: Path, tmp_path: Path, share: f
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.long
 def test_a_flipped_bit_in_the_cache_is_noticed(folder: Path, tmp_path: Path, kind: str) -> None:
     first = load_town(folder, cache_dir=tmp_path / "cache")
     (stored,) = (tmp_path / "cache").glob(f"*.{kind}")

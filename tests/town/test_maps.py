@@ -148,6 +148,7 @@ def test_lanes_are_wide_enough_to_turn(plain: PlainMap) -> None:
             assert abs(road.lane(k, lane_id, float(s)).curvature) < 1 / 6.0, (road_id, lane_id)
 
 
+@pytest.mark.long
 def test_roads_cross_only_with_headroom(plain: PlainMap) -> None:
     """Lane centres of plain roads closer than 4 m in the plan are 4.5 m apart in height."""
     points, owner = [], []

@@ -172,6 +172,7 @@ def track_m(folder: Path, xodr: bytes, toml: str) -> Array:
     return np.array(Episode.load(out).ego["position_m"])
 
 
+@pytest.mark.long
 def test_the_driver_drives_as_in_a_mirror(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Along a street and round a corner, on smooth roads and without the driver's small errors."""
     monkeypatch.setattr(
@@ -186,6 +187,7 @@ def test_the_driver_drives_as_in_a_mirror(tmp_path: Path, monkeypatch: pytest.Mo
     np.testing.assert_allclose(its, own * MIRROR, atol=0.05)
 
 
+@pytest.mark.long
 def test_cars_go_round_a_ring_on_its_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a closed road lane 1 is driven along s and lane −1 against it; nobody drives the wrong way."""
     monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path / "cache"))
