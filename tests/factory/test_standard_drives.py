@@ -21,10 +21,11 @@ def test_each_town_of_the_paper_has_a_seed_and_one_seed_can_be_given_for_all(tmp
 
 
 def test_the_drive_of_median_length_is_the_standard_one() -> None:
-    """Of an even number the shorter of the two in the middle; of equal ones the smaller seeds come first."""
+    """Of an even number the longer of the two in the middle; equal ones are in the order of their seeds."""
     assert median_seed({0: 30.0, 1: 10.0, 4: 20.0}) == 4
-    assert median_seed({9: 30.0, 1: 10.0, 4: 20.0, 6: 40.0}) == 4
-    assert median_seed({9: 20.0, 1: 20.0, 4: 20.0, 6: 40.0}) == 4
+    assert median_seed({9: 30.0, 1: 10.0, 4: 20.0, 6: 40.0}) == 9
+    assert median_seed({9: 20.0, 1: 20.0, 4: 20.0, 6: 40.0}) == 9
+    assert median_seed({9: 20.0, 1: 20.0, 4: 20.0}) == 4
     with pytest.raises(ConfigError, match="no pace 'waves'; did you mean 'wave'"):
         DatasetConfig(out=Path("data"), replay=ReplayOptions(), pace="waves")
 
