@@ -1,1 +1,1 @@
-"""Towns from OpenStreetMap: extracts become roads, footprints and settings that the builder of towns reads."""
+"""Towns from OpenStreetMap: extracts become roads, features and settings that the builder of towns reads."""

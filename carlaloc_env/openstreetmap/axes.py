@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -56,7 +57,7 @@ def rounded(points: Sequence[tuple[float, float]], tangents: Sequence[float]) ->
 
 
 def _headings(points: Sequence[tuple[float, float]]) -> list[float]:
-    return [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in zip(points, points[1:], strict=False)]
+    return [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in itertools.pairwise(points)]
 
 
 def _apart(points: Sequence[tuple[float, float]], least_m: float = 1.0) -> list[tuple[float, float]]:
@@ -71,9 +72,9 @@ def _tangents(points: Sequence[tuple[float, float]], least_radius_m: float) -> t
     """Tangent of every inner corner [m]; and the corner whose radius stays below the least by most."""
     headings, worst, gap = _headings(points), None, 0.0
     tangents = []
-    lengths = [math.dist(a, b) for a, b in zip(points, points[1:], strict=False)]
+    lengths = [math.dist(a, b) for a, b in itertools.pairwise(points)]
     need = [0.0] * (len(points) - 2)
-    turns = [abs(wrap(b - a)) for a, b in zip(headings, headings[1:], strict=False)]
+    turns = [abs(wrap(b - a)) for a, b in itertools.pairwise(headings)]
     for i, turn in enumerate(turns):
         need[i] = least_radius_m / CURVED * math.tan(min(turn, 3.0) / 2)
     for i, turn in enumerate(turns):
@@ -167,11 +168,9 @@ def _widest(
     points: list[tuple[float, float]],
 ) -> tuple[list[tuple[float, float]], list[float], float]:
     """A line of three or four points, the longest tangents of its corners, and about their radius [m]."""
-    lengths = [math.dist(a, b) for a, b in zip(points, points[1:], strict=False)]
+    lengths = [math.dist(a, b) for a, b in itertools.pairwise(points)]
     headings = _headings(points)
-    tans = [
-        math.tan(min(abs(wrap(b - a)), 3.1) / 2) + 1e-9 for a, b in zip(headings, headings[1:], strict=False)
-    ]
+    tans = [math.tan(min(abs(wrap(b - a)), 3.1) / 2) + 1e-9 for a, b in itertools.pairwise(headings)]
     if len(tans) == 1:
         return points, [min(lengths)], min(lengths) / tans[0]
     # The middle straight is shared so that both bends have the same radius.
@@ -182,7 +181,7 @@ def _widest(
 def _goodness(option: tuple[list[tuple[float, float]], list[float], float]) -> float:
     """Wide first, then short."""
     points, _, radius_m = option
-    length = sum(math.dist(a, b) for a, b in zip(points, points[1:], strict=False))
+    length = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
     return round(min(radius_m, 60.0), 3) - 0.01 * length
 
 

@@ -1,4 +1,4 @@
-"""Junctions: nodes that are too close for roads between them become one, and every leg ends where it is free."""
+"""Junctions: nodes too close for roads between them become one, and every leg ends where it is free."""
 
 from __future__ import annotations
 
@@ -294,8 +294,3 @@ def route_inside(cluster: Cluster, chains: Sequence[Chain], a: End, b: End) -> A
         for onward, points, length in steps.get(node, ()):
             heapq.heappush(queue, (way + length, next(ticket), onward, np.concatenate([line, points[1:]])))
     return a.line[:1]
-
-
-def extent(nodes: Mapping[int, Array]) -> float:
-    """Largest side of the rectangle round some places [m]."""
-    return float(np.ptp(np.array(list(nodes.values())), axis=0).max())

@@ -1,7 +1,8 @@
-"""Which side one drives on, and how fast where nothing is signed: by evidence in the extract, else by place."""
+"""The side one drives on, and limits where nothing is signed: by evidence in the extract, else by place."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -71,7 +72,10 @@ _BOXES: tuple[tuple[Country, tuple[tuple[float, float, float, float], ...]], ...
     (Country("PT", 50, 90, 120), ((-9.6, 36.9, -6.2, 42.2),)),
     (Country("IT", 50, 90, 130), ((6.6, 36.6, 18.6, 47.1),)),
     (Country("CA", 50, 80, 100), ((-141.0, 49.0, -52.6, 70.0), (-79.8, 43.6, -66.9, 49.0))),
-    (Country("US", 30 * _MPH, 55 * _MPH, 65 * _MPH), ((-125.0, 24.5, -66.9, 49.0), (-168.0, 54.0, -130.0, 71.4))),
+    (
+        Country("US", 30 * _MPH, 55 * _MPH, 65 * _MPH),
+        ((-125.0, 24.5, -66.9, 49.0), (-168.0, 54.0, -130.0, 71.4)),
+    ),
 )  # fmt: skip
 _ELSEWHERE = Country("", 50, 80, 110)
 
@@ -117,7 +121,7 @@ def _pair_votes(extract: Extract) -> float:
         if not name or tags.get("oneway") != "yes" or tags.get("highway") not in _PAIRED:
             continue
         line = extract.line(way.nodes)
-        for (x0, y0), (x1, y1) in zip(line, line[1:], strict=False):
+        for (x0, y0), (x1, y1) in itertools.pairwise(line):
             length = math.hypot(x1 - x0, y1 - y0)
             if length > 1.0:
                 u, v = (x1 - x0) / length, (y1 - y0) / length

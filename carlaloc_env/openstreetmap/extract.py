@@ -198,7 +198,7 @@ def _cut(found: Extract, kept: dict[int, tuple[float, float]], box: Box | None) 
             continue
         runs = []
         for run in _runs(way.nodes, kept, box):
-            nodes = []
+            nodes: list[int] = []
             for node in run:
                 if isinstance(node, tuple):
                     found.degrees[fresh] = node
@@ -208,10 +208,10 @@ def _cut(found: Extract, kept: dict[int, tuple[float, float]], box: Box | None) 
             found.edge |= {node for node, whole in ends if node != whole}
             runs.append(tuple(nodes))
         del found.ways[way.id]
-        for k, nodes in enumerate(runs):
+        for k, whole in enumerate(runs):
             key = way.id if k == 0 else fresh
             fresh -= k > 0
-            found.ways[key] = Way(way.id, nodes, way.tags)
+            found.ways[key] = Way(way.id, whole, way.tags)
     found.degrees |= {node: place for node, place in kept.items() if _inside(place, box)}
     found.node_tags = {node: tags for node, tags in found.node_tags.items() if node in found.degrees}
 

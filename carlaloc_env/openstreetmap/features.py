@@ -1,4 +1,4 @@
-"""Things beside the streets: houses, water, greens, trees, rails and fences, with what their tags say of them."""
+"""Things beside the streets: houses, water, greens, trees, rails and fences, with what their tags say."""
 
 from __future__ import annotations
 
@@ -252,7 +252,8 @@ def _building(tags: Tags) -> dict[str, Any]:
 
 _USUAL_LEVELS = {
     "apartments": 4, "house": 2, "detached": 2, "semidetached_house": 2, "terrace": 2, "residential": 3,
-    "garage": 1, "garages": 1, "shed": 1, "hut": 1, "cabin": 1, "farm_auxiliary": 1, "barn": 1, "greenhouse": 1,
+    "garage": 1, "garages": 1, "shed": 1, "hut": 1, "cabin": 1, "farm_auxiliary": 1, "barn": 1,
+    "greenhouse": 1,
     "church": 4, "cathedral": 6, "chapel": 2, "industrial": 2, "warehouse": 2, "retail": 2, "commercial": 3,
     "office": 5, "hotel": 5, "school": 3, "university": 4, "hospital": 5, "public": 3, "civic": 3,
     "kiosk": 1, "service": 1, "bungalow": 1,
@@ -298,11 +299,11 @@ def _lower_outlines(found: Sequence[Feature]) -> None:
     tree = shapely.STRtree([part.shape.representative_point() for part in parts])
     for house in houses:
         rows = tree.query(house.shape, predicate="contains")
-        own = [parts[k] for k in rows]
-        if not own:
+        inside = [parts[k] for k in rows]
+        if not inside:
             continue
-        covered = sum(part.shape.area for part in own if "min_height_m" not in part.properties)
-        lowest = min(part.properties["height_m"] for part in own)
+        covered = sum(part.shape.area for part in inside if "min_height_m" not in part.properties)
+        lowest = min(part.properties["height_m"] for part in inside)
         if covered > 0.6 * house.shape.area and lowest < house.properties["height_m"]:
             house.properties["height_m"] = lowest
             house.properties["levels"] = max(1, round(lowest / STOREY_M))

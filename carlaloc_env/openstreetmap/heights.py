@@ -1,7 +1,7 @@
 """Heights of streets that pass over each other: a linear programme over points along all of them.
 
-OpenStreetMap knows the order of bridges and tunnels (`layer`), not their heights. Streets rise and fall as little
-as clearances, grades and vertical curves allow.
+OpenStreetMap knows the order of bridges and tunnels (`layer`), not their heights. Streets rise and fall as
+little as clearances, grades and vertical curves allow.
 """
 
 from __future__ import annotations
@@ -62,8 +62,7 @@ class LayeredHeights(Heights):
     def of_road(self, chain: int, first_m: float, path: Path) -> list[Record]:
         """Elevation of a chain's road, which begins at `first_m`."""
         if chain not in self.values or np.ptp(self.values[chain]) < 1e-6:
-            z = 0.0 if chain not in self.values else float(self.values[chain][0])
-            return level(round(z, 6))
+            return level(0.0 if chain not in self.values else round(float(self.values[chain][0]), 6))
         s, z = self.stations[chain], self.values[chain]
         inner = s[(s > first_m + 1.0) & (s < first_m + path.length - 1.0)]
         knots = np.concatenate([[first_m], inner, [first_m + path.length]])
@@ -112,7 +111,8 @@ def find_crossings(chains: Sequence[Chain], rails: Sequence[tuple[Array, int]]) 
                 continue
             over = _level_at(chains[a], lines[a], x, y) - _level_at(chains[b], lines[b], x, y)
             if over:
-                found.append(Crossing(*((a, b) if over > 0 else (b, a)), x, y))
+                upper, lower = (a, b) if over > 0 else (b, a)
+                found.append(Crossing(upper, lower, x, y))
     for line, layer in rails:
         rail = shapely.LineString(line)
         for k in sorted(int(k) for k in tree.query(rail, predicate="intersects")):
@@ -121,7 +121,7 @@ def find_crossings(chains: Sequence[Chain], rails: Sequence[tuple[Array, int]]) 
                 over = own - layer
                 # Bridges of railways are not built: streets below them stay level.
                 if over > 0 or own < min(layer, 0):
-                    found.append(Crossing(*((k, None) if over > 0 else (None, k)), x, y))
+                    found.append(Crossing(k if over > 0 else None, None if over > 0 else k, x, y))
     return found
 
 
@@ -179,16 +179,16 @@ class _Programme:
         cost[slack[0] : slack[1]] = _SLACK_COST
         # Heights above and below the ground cost alike.
         cost[:heights] = np.where(low < 0, -1.0, 1.0)
-        limits = [(float(low[k]), HIGHEST_M if low[k] >= 0 else 0.0) for k in range(heights)]
+        limits: list[tuple[float, float | None]] = [
+            (float(low[k]), HIGHEST_M if low[k] >= 0 else 0.0) for k in range(heights)
+        ]
         limits += [(0.0, None)] * (total - heights)
-        rows = [(r, c, v) for r, (cs, vs, _) in enumerate(self._rows) for c, v in zip(cs, vs, strict=True)]
-        matrix = coo_matrix(
-            ([v for _, _, v in rows], ([r for r, _, _ in rows], [c for _, c, _ in rows])),
-            shape=(len(self._rows), total),
-        )
-        found = linprog(
-            cost, A_ub=matrix.tocsr(), b_ub=[b for _, _, b in self._rows], bounds=limits, method="highs"
-        )
+        terms = [(r, c, v) for r, (cs, vs, _) in enumerate(self._rows) for c, v in zip(cs, vs, strict=True)]
+        rows, columns, factors = np.array(terms).T
+        places = (rows.astype(np.int64), columns.astype(np.int64))
+        matrix = coo_matrix((factors, places), shape=(len(self._rows), total))
+        bounds = np.array([bound for _, _, bound in self._rows])
+        found = linprog(cost, A_ub=matrix.tocsr(), b_ub=bounds, bounds=limits, method="highs")  # type: ignore[call-overload]
         z = np.round(found.x if found.x is not None else np.zeros(total), 4)
         return LayeredHeights(
             stations=self._stations,

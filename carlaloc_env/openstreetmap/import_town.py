@@ -16,15 +16,16 @@ from scipy.spatial import cKDTree
 from carlaloc_env.authoring.elements.mirroring import mirror
 from carlaloc_env.authoring.opendrive_writer import opendrive_text
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.openstreetmap.clusters import half_width
+from carlaloc_env.openstreetmap.clusters import End, half_width
 from carlaloc_env.openstreetmap.countries import Country, country_of, drives_left
 from carlaloc_env.openstreetmap.extract import Box, Extract, Way, read_extract
 from carlaloc_env.openstreetmap.features import MOST_BUILDINGS, Feature, Features, geojson, read_features
 from carlaloc_env.openstreetmap.furniture import furnish
 from carlaloc_env.openstreetmap.heights import LayeredHeights, find_heights
 from carlaloc_env.openstreetmap.road_graph import Chain, RoadGraph, build_graph
-from carlaloc_env.openstreetmap.road_network import RoadNetwork, settle
+from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.settings import settings_text
+from carlaloc_env.openstreetmap.settling import settle
 from carlaloc_env.openstreetmap.tags import Street, read_street
 
 FILES = ("town.xodr", "town.toml", "features.geojson", "LICENCE", "report.json", "preview.png")
@@ -268,8 +269,9 @@ def _report(
             "heights of buildings": sum(bool(b.properties.get("guessed")) for b in buildings),
         },
         "changed": [
-            f"no turn from way/{_way(chains, a)} into way/{_way(chains, b)}: too tight"
-            for a, b in network.tight
+            f"{'tight' if t.built else 'no'} turn from way/{_way(chains, t.source)} into "
+            f"way/{_way(chains, t.target)}: its radius would be {t.radius_m:.1f} m"
+            for t in network.tight
         ]
         + [
             f"way/{chains[c.upper].pieces[0].way if c.upper is not None else 'rail'}: "
@@ -281,7 +283,7 @@ def _report(
     }
 
 
-def _way(chains: Sequence[Chain], end: Any) -> int:
+def _way(chains: Sequence[Chain], end: End) -> int:
     return chains[end.chain].pieces[0 if end.side == 0 else -1].way
 
 

@@ -1,4 +1,4 @@
-"""Which lanes of a leg lead to which lanes of another: by tagged turns, else by the rules of our own towns."""
+"""Lanes of legs that lead to lanes of others: by tagged turns, else by the rules of our own towns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Pairs = list[tuple[int, int]]
 def find_movements(
     legs: Sequence[Leg], allowed: set[tuple[int, int]], turns: Sequence[Sequence[str]]
 ) -> list[Movement]:
-    """Movements of a junction; a leg that nothing leads out of, or into, turns back into itself.
+    """Movements of a junction; a leg that nothing leads out of or into turns back into itself.
 
     Args:
         legs: Its legs.
@@ -40,10 +40,15 @@ def find_movements(
                 if pairs:
                     own.append(Movement(i, j, tuple(pairs), turn))
         found += own + _rest(i, legs, own)
-    sources, targets = {m.source for m in found}, {m.target for m in found}
+    # A one-way street that nothing else leads into is entered by turning back.
+    reached = {m.target for m in found}
+    for i, j in sorted(allowed):
+        if j not in reached and not legs[j].incoming and legs[i].incoming:
+            found.append(Movement(i, j, ((0, 0),), "back"))
+    used = ({m.source for m in found}, {m.target for m in found})
     for i, leg in enumerate(legs):
         count = min(len(leg.incoming), len(leg.outgoing))
-        if count and not (i in sources and i in targets):
+        if count and not all(i in legs_used for legs_used in used):
             found.append(Movement(i, i, tuple((k, k) for k in range(count)), "back"))
     return found
 

@@ -153,7 +153,7 @@ def _strong(segments: Sequence[Segment], extract: Extract, more: Sequence[tuple[
     """Segments of the longest part in which every place can be reached from every other."""
     edges = [*_directed(segments), *more]
     number = {node: k for k, node in enumerate(sorted({node for edge in edges for node in edge}))}
-    rows, columns = ([number[edge[k]] for edge in edges] for k in (0, 1))
+    rows, columns = np.array([[number[a], number[b]] for a, b in edges]).T
     shape = (len(number),) * 2
     _, part = connected_components(
         coo_matrix((np.ones(len(edges)), (rows, columns)), shape=shape), connection="strong"
@@ -202,19 +202,29 @@ def _by_lanes(chain: Chain) -> list[Chain]:
         else:
             groups.append((piece.first, piece.last, piece.street.lanes))
     while len(groups) > 1:
-        k = min(range(len(groups)), key=lambda k: steps[groups[k][1]] - steps[groups[k][0]])
-        if steps[groups[k][1]] - steps[groups[k][0]] >= PART_M:
+        # Too short parts first; then those that end in a bend, where lanes cannot shift.
+        long = [steps[last] - steps[first] for first, last, _ in groups]
+        bent = [k > 0 and _bent(chain, steps, groups[k][0]) for k in range(len(groups))]
+        k = min(range(len(groups)), key=lambda k: (long[k] >= PART_M, not bent[k], long[k]))
+        if long[k] >= PART_M and not bent[k]:
             break
         into = k - 1 if k else 1
         low, high = min(k, into), max(k, into)
         groups[low : high + 1] = [(groups[low][0], groups[high][1], groups[into][2])]
-    groups = [g for g in groups]
     for first, last, lanes in groups:
         for piece in chain.pieces:
             if first <= piece.first < last and piece.street.lanes != lanes:
                 piece.street = replace(piece.street, lanes=lanes, turns=((), ()))
     cuts = [b[0] for a, b in itertools.pairwise(groups) if a[2] != b[2]]
     return _split(chain, cuts)
+
+
+def _bent(chain: Chain, steps: Array, at: int) -> bool:
+    """Whether a chain turns by more than 35 degrees within 15 m of one of its nodes."""
+    s = np.array([steps[at] - 15.0, steps[at], steps[at] + 15.0])
+    x, y = (np.interp(s, steps, values) for values in chain.line.T)
+    turn = math.atan2(y[2] - y[1], x[2] - x[1]) - math.atan2(y[1] - y[0], x[1] - x[0])
+    return abs((turn + math.pi) % (2 * math.pi) - math.pi) > math.radians(35.0)
 
 
 def _goes_on(node: int, around: Sequence[int], segments: Sequence[Segment]) -> bool:
@@ -239,7 +249,8 @@ def _walk(
     extract: Extract,
     street_of: Callable[[Way], Street],
 ) -> Chain:
-    nodes, pieces, k, node = [start], [], first, start
+    nodes, k, node = [start], first, start
+    pieces: list[Piece] = []
     while True:
         used.add(k)
         u, v, way = segments[k]

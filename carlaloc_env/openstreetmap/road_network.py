@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
 import shapely.ops
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from carlaloc_env.authoring.elements.cross_sections import CrossSection, SectionPlan, constant, road_sections
 from carlaloc_env.authoring.elements.ids import JUNCTION, ROAD, Numbers
-from carlaloc_env.authoring.elements.junctions import Movement, connect
+from carlaloc_env.authoring.elements.junctions import Movement, connect, turn_angle
 from carlaloc_env.authoring.elements.map_parts import (
     Border,
     ControllerPart,
@@ -28,23 +25,34 @@ from carlaloc_env.authoring.elements.map_parts import (
 from carlaloc_env.authoring.geometry.elevation import Record, level
 from carlaloc_env.authoring.geometry.junction_planes import Plane
 from carlaloc_env.authoring.geometry.newton import PlanError
-from carlaloc_env.authoring.geometry.plan_view_curves import Path, turning_bulb
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Pose, turning_bulb
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.errors import MapError
 from carlaloc_env.openstreetmap.axes import between, curvatures, fit, sampled
-from carlaloc_env.openstreetmap.clusters import Cluster, End, find_clusters, reachable, route_inside
+from carlaloc_env.openstreetmap.clusters import Cluster, End, reachable, route_inside
 from carlaloc_env.openstreetmap.movements import find_movements
 from carlaloc_env.openstreetmap.road_graph import Chain
 from carlaloc_env.openstreetmap.tags import Street
 
-LEAST_RADIUS_M = 6.15
-"""Least radius of the middle of any lane that is built [m]."""
+LEAST_RADIUS_M, TIGHTEST_M = 6.15, 2.5
+"""Least radius of the middle of any lane, and of one that is the only way on [m]."""
 ROUTE_M = 3.0
 """Turns that leave the streets inside a junction farther than this follow them [m]."""
 GUTTER_M = 0.3
 """Width of gutters [m]."""
-ROUNDS = 8
-"""How often legs are moved away from junctions at most."""
+
+
+Memo = tuple[dict[object, Path], dict[object, tuple[Path, float]]]
+"""Lines of roads, and of turns with their least radius, that were found before."""
+
+
+@dataclass(slots=True)
+class Tight:
+    """A turn below the least radius: left out, unless it is the only way on."""
+
+    source: End
+    target: End
+    radius_m: float
+    built: bool = False
 
 
 @dataclass(slots=True)
@@ -68,8 +76,8 @@ class RoadNetwork:
     numbers: Numbers = field(default_factory=Numbers)
     of_chain: dict[int, RoadPart] = field(default_factory=dict)
     """Road of every chain that is not inside a junction."""
-    tight: list[tuple[End, End]] = field(default_factory=list)
-    """Legs between which a turn was left out, since it would be too tight."""
+    tight: list[Tight] = field(default_factory=list)
+    """Turns that would be too tight."""
 
 
 class Heights:
@@ -84,85 +92,13 @@ class Heights:
         return 0.0
 
 
-def settle(
-    chains: Sequence[Chain],
-    heights_of: Callable[[Sequence[Chain], Sequence[Cluster]], Heights],
-    banned: Mapping[tuple[int, int], frozenset[int]],
-    solid: shapely.STRtree | None,
-    *,
-    yellow: bool,
-) -> tuple[RoadNetwork, list[Chain], list[Chain]]:
-    """The network whose turns are all wide enough and whose roads can all be reached from each other.
-
-    Legs of turns that are too tight move away from their junction; roads that stay unreachable are left out.
-
-    Args:
-        chains: Streets.
-        heights_of: Makes heights of streets and junctions.
-        banned: As `build_network` has it.
-        solid: The same.
-        yellow: The same.
-
-    Returns:
-        The network, the chains that it holds, and those that were left out.
-
-    Raises:
-        MapError: Nothing is left.
-    """
-    kept, dropped = list(chains), []
-    memo: dict[object, Path | None] = {}
-    while kept:
-        more: Counter[tuple[int, int]] = Counter()
-        for _ in range(ROUNDS):
-            clusters = find_clusters(kept, more)
-            network = build_network(kept, clusters, Heights(), banned, solid, memo, yellow=yellow)
-            if not network.tight:
-                break
-            for end in {(e.chain, e.side) for pair in network.tight for e in pair}:
-                more[end] = min(more[end] + 3, 30)
-        lost = unreachable(network)
-        if not lost:
-            heights = heights_of(kept, clusters)
-            network = build_network(kept, clusters, heights, banned, solid, memo, yellow=yellow)
-            return network, kept, dropped
-        dropped += [kept[k] for k in sorted(lost)]
-        kept = [chain for k, chain in enumerate(kept) if k not in lost]
-        memo.clear()
-    raise MapError("no street is left on which one could drive for ever; give a larger box")
-
-
-def unreachable(network: RoadNetwork) -> set[int]:
-    """Chains with a direction from which not all others can be reached, or which cannot be reached."""
-    edges, places = [], {}
-    for junction in network.junctions:
-        ends = junction.cluster.ends
-        for i, j in {(m.source, m.target) for m in junction.movements}:
-            edges.append(((ends[i].chain, ends[i].side == 1), (ends[j].chain, ends[j].side == 0)))
-        for end in ends:
-            for ahead, goes in ((end.side == 1, end.enters), (end.side == 0, end.leaves)):
-                if goes:
-                    places.setdefault((end.chain, ahead), len(places))
-    sources, targets = {a for a, _ in edges}, {b for _, b in edges}
-    stuck = {place[0] for place in places if place not in sources or place not in targets}
-    if stuck:
-        return stuck
-    rows, columns = ([places[edge[k]] for edge in edges] for k in (0, 1))
-    graph = coo_matrix((np.ones(len(edges)), (rows, columns)), shape=(len(places),) * 2)
-    _, part = connected_components(graph, connection="strong")
-    length: Counter[int] = Counter()
-    for (chain, _), place in places.items():
-        length[int(part[place])] += round(network.of_chain[chain].length)
-    best = max(length, key=lambda k: (length[k], -k))
-    return {chain for (chain, _), place in places.items() if part[place] != best}
-
-
 def build_network(
     chains: Sequence[Chain],
     clusters: Sequence[Cluster],
     heights: Heights,
     banned: Mapping[tuple[int, int], frozenset[int]],
     solid: shapely.STRtree | None,
-    memo: dict[object, Path | None],
+    memo: Memo,
     *,
     yellow: bool,
 ) -> RoadNetwork:
@@ -179,17 +115,18 @@ def build_network(
     """
     network = RoadNetwork()
     setback = {(end.chain, end.side): end for cluster in clusters for end in cluster.ends}
+    for cluster in clusters:
+        if len(cluster.ends) == 1 and cluster.ends[0].setback_m == 0.0:
+            end = cluster.ends[0]
+            end.setback_m = _bulb_setback(end, chains[end.chain], solid)
     for k, chain in enumerate(chains):
         if (k, 0) in setback:
             first, last = setback[k, 0], setback[k, 1]
-            for end, cluster in ((e, c) for c in clusters for e in c.ends if e in (first, last)):
-                if len(cluster.ends) == 1:
-                    end.setback_m = _bulb_setback(end, chain, solid)
             span = (round(first.setback_m, 3), round(chain.length_m - last.setback_m, 3))
             key = (k, span)
-            if key not in memo:
-                memo[key] = _axis(chain, *span)
-            part = _road(chain, k, span[0], memo[key], heights, network.numbers, yellow=yellow)
+            if key not in memo[0]:
+                memo[0][key] = _axis(chain, *span)
+            part = _road(chain, k, span[0], memo[0][key], heights, network.numbers, yellow=yellow)
             network.roads.append(part)
             network.of_chain[k] = part
     for cluster in clusters:
@@ -254,9 +191,9 @@ def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree | None) -> floa
     best: tuple[float, float] | None = None
     for back in np.arange(0.0, max(min(0.6 * chain.length_m, chain.length_m - 12.0, 60.0), 0.1), 4.0):
         x, y, h = end.at(float(back))
-        inward = Path(start=_pose(x, y, h + math.pi), pieces=())
+        inward = Pose(x, y, h + math.pi)
         try:
-            path = _bulb_path(inward.start, end.street)
+            path = _bulb_path(inward, end.street)
         except PlanError:
             return float(back)
         outline = shapely.buffer(shapely.LineString(sampled(path, 2.0)).convex_hull, end.half_m)
@@ -271,13 +208,7 @@ def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree | None) -> floa
     return best[1] if best else 0.0
 
 
-def _pose(x: float, y: float, h: float):  # type: ignore[no-untyped-def]
-    from carlaloc_env.authoring.geometry.plan_view_curves import Pose
-
-    return Pose(x, y, h)
-
-
-def _bulb_path(start, street: Street) -> Path:  # type: ignore[no-untyped-def]
+def _bulb_path(start: Pose, street: Street) -> Path:
     lanes = max(street.lanes)
     radius = LEAST_RADIUS_M + 0.3 - 0.5 * street.lane_m
     flare = LEAST_RADIUS_M + 0.3 + (lanes - 0.5) * street.lane_m
@@ -290,7 +221,7 @@ def _junction(
     network: RoadNetwork,
     heights: Heights,
     banned: Mapping[tuple[int, int], frozenset[int]],
-    memo: dict[object, Path | None],
+    memo: Memo,
 ) -> None:
     numbers = network.numbers
     legs = [leg_of(network.of_chain[e.chain], "start" if e.side == 0 else "end") for e in cluster.ends]
@@ -316,18 +247,27 @@ def _junction(
     allowed = _allowed(cluster, chains, banned)
     turns = [_marks(end) for end in cluster.ends]
     found = find_movements(legs, allowed, turns)
-    built = []
+    lines: list[tuple[Path, float]] = []
     for movement in found:
         ends = (cluster.ends[movement.source], cluster.ends[movement.target])
         poses = (legs[movement.source].pose, legs[movement.target].pose)
         key = (movement.lanes, poses, tuple((e.chain, e.side) for e in ends), *cluster.inner)
-        if key not in memo:
-            memo[key] = _path(movement, legs, cluster, chains)
-        path = memo[key]
-        if path is None:
-            network.tight.append(ends)
-            continue
-        network.roads.append(_connect(movement, part, legs, path, numbers, plane))
+        if key not in memo[1]:
+            memo[1][key] = _path(movement, legs, cluster, chains)
+        lines.append(memo[1][key])
+    wide = [movement for movement, line in zip(found, lines, strict=True) if line[1] >= LEAST_RADIUS_M]
+    sources, targets = ({m.source for m in wide}, {m.target for m in wide})
+    built = []
+    for movement, (line, least_m) in zip(found, lines, strict=True):
+        if least_m < LEAST_RADIUS_M:
+            tight = Tight(cluster.ends[movement.source], cluster.ends[movement.target], least_m)
+            network.tight.append(tight)
+            tight.built = least_m > TIGHTEST_M and not (
+                movement.source in sources and movement.target in targets
+            )
+            if not tight.built:
+                continue
+        network.roads.append(_connect(movement, part, legs, line, numbers, plane))
         built.append(movement)
     network.junctions.append(Junction(cluster, part, legs, built))
 
@@ -348,14 +288,16 @@ def _allowed(
     return found
 
 
-def _path(movement: Movement, legs: Sequence[Leg], cluster: Cluster, chains: Sequence[Chain]) -> Path | None:
-    """Reference line of a movement: direct, or along the streets inside; None where it would be too tight."""
+def _path(
+    movement: Movement, legs: Sequence[Leg], cluster: Cluster, chains: Sequence[Chain]
+) -> tuple[Path, float]:
+    """Reference line of a movement, direct or along the streets inside, and its lanes' least radius [m]."""
     source, target = legs[movement.source], legs[movement.target]
     ins = [source.incoming[a] for a, _ in movement.lanes]
     outs = [target.outgoing[b] for _, b in movement.lanes]
     start = source.border(source.pose, ins[0].right_m)
     if movement.source == movement.target:
-        return _bulb_path(start, cluster.ends[movement.source].street)
+        return _bulb_path(start, cluster.ends[movement.source].street), LEAST_RADIUS_M
     end = target.border(target.out_axis, outs[0].right_m)
     direct = between(start, end)
     a, b = cluster.ends[movement.source], cluster.ends[movement.target]
@@ -367,10 +309,8 @@ def _path(movement: Movement, legs: Sequence[Leg], cluster: Cluster, chains: Seq
         ring = any(chains[k].street.ring for k in cluster.inner)
         if ring or off > ROUTE_M:
             options.insert(0, between(start, end, route[1:-1]))
-    for path in options:
-        if lane_radius(path, ins, outs) >= LEAST_RADIUS_M:
-            return path
-    return None
+    found = [(path, lane_radius(path, ins, outs)) for path in options]
+    return next((pair for pair in found if pair[1] >= LEAST_RADIUS_M), max(found, key=lambda pair: pair[1]))
 
 
 def _route(cluster: Cluster, chains: Sequence[Chain], a: End, b: End) -> Array:
@@ -409,8 +349,6 @@ def lane_radius(path: Path, ins: Sequence[Border], outs: Sequence[Border]) -> fl
 def _connect(
     movement: Movement, part: JunctionPart, legs: Sequence[Leg], path: Path, numbers: Numbers, plane: Plane
 ) -> RoadPart:
-    from carlaloc_env.authoring.elements.junctions import turn_angle
-
     source, target = legs[movement.source], legs[movement.target]
     angles = {
         j: turn_angle(source, other)

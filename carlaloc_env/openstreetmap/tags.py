@@ -1,9 +1,8 @@
-"""What tags of a street say: lanes, widths, limits, sidewalks; and what classes say where tags are missing."""
+"""What tags of a street say: lanes, widths, limits, sidewalks; and what its class says where none does."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from carlaloc_env.openstreetmap.countries import Country
@@ -48,7 +47,7 @@ class Street:
     kind: str
     """Road type of OpenDRIVE."""
     guesses: tuple[str, ...]
-    """What no tag said, by its name."""
+    """What no tag stated, by its name."""
 
 
 def number(text: str | None) -> float | None:
@@ -72,14 +71,14 @@ def for_cars(way: Way) -> bool:
 
 def direction(tags: Tags) -> int:
     """1: one-way along the nodes, −1: against them, 0: two-way."""
-    said = tags.get("oneway", "")
-    if said == "-1" or said == "reverse":
+    stated = tags.get("oneway", "")
+    if stated == "-1" or stated == "reverse":
         return -1
-    if said in _YES:
+    if stated in _YES:
         return 1
     ring = tags.get("junction") in ("roundabout", "circular")
     fast = tags.get("highway") in ("motorway", "motorway_link")
-    return 1 if said != "no" and (ring or fast) else 0
+    return 1 if stated != "no" and (ring or fast) else 0
 
 
 def read_street(way: Way, country: Country, in_town: bool, *, left: bool) -> Street:
@@ -107,8 +106,8 @@ def read_street(way: Way, country: Country, in_town: bool, *, left: bool) -> Str
     if limit is None:
         guesses.append("maxspeed")
         limit = _usual_limit(kind, country, in_town)
-    walks, said = _walks(tags, kind, limit, in_town)
-    if not said:
+    walks, stated = _walks(tags, kind, limit, in_town)
+    if not stated:
         guesses.append("sidewalk")
     if left:
         walks = walks[::-1]
@@ -199,9 +198,10 @@ def _usual_limit(kind: str, country: Country, in_town: bool) -> float:
 
 def _walks(tags: Tags, kind: str, limit_kmh: float, in_town: bool) -> tuple[tuple[float, float], bool]:
     width = 2.0
-    said = tags.get("sidewalk") or tags.get("sidewalk:both")
+    stated = tags.get("sidewalk") or tags.get("sidewalk:both")
     both = {"both": (True, True), "yes": (True, True), "separate": (True, True), "left": (True, False),
-            "right": (False, True), "no": (False, False), "none": (False, False)}.get(said or "")  # fmt: skip
+            "right": (False, True), "no": (False, False),
+            "none": (False, False)}.get(stated or "")  # fmt: skip
     sides = [tags.get("sidewalk:left"), tags.get("sidewalk:right")]
     if both is None and any(sides):
         both = (sides[0] in ("yes", "separate"), sides[1] in ("yes", "separate"))
@@ -251,8 +251,3 @@ def signed_nodes(extract_tags: Tags) -> str:
     if kind == "crossing":
         return "lit crossing" if extract_tags.get("crossing") == "traffic_signals" else "crossing"
     return {"stop": "stop", "give_way": "give_way"}.get(kind, "")
-
-
-def widest(streets: Sequence[Street]) -> Street:
-    """The street of the highest class among several."""
-    return max(streets, key=lambda street: street.rank)

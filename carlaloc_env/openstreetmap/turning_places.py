@@ -1,4 +1,4 @@
-"""Where one-way streets end at the box: short streets of our own that lead their traffic back into the town."""
+"""Where one-way streets end at the box: short streets of our own that lead their traffic back."""
 
 from __future__ import annotations
 
@@ -190,7 +190,8 @@ def _groups(ends: Sequence[tuple[float, int, bool]], whole: float) -> list[list[
         cut = {gaps[-1][1]}
     result = []
     for i in sorted(cut):
-        members, k = [], (i + 1) % count
+        members: list[tuple[float, int, bool]] = []
+        k = (i + 1) % count
         turn = 0.0
         while True:
             if members and ends[k][0] + turn < members[-1][0]:

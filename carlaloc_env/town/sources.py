@@ -30,7 +30,7 @@ class TownId:
     name: str
     """Name of the town."""
     source_hash: str
-    """Hash of its map, its `town.toml` and its features, which names its files in the cache, not the built town."""
+    """Hash of its map, `town.toml` and features, which names its files in the cache, not the built town."""
     source: Path
     """Its OpenDRIVE file."""
     toml: Path | None

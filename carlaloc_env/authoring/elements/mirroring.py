@@ -1,4 +1,4 @@
-"""Maps for left-hand traffic: built for the right in a mirrored world, then mirrored back about the x axis."""
+"""Maps for left-hand traffic: built for the right in a mirrored world, then mirrored about the x axis."""
 
 from collections.abc import Iterable
 from dataclasses import replace

@@ -12,9 +12,6 @@ from carlaloc_env.town.buildings.facade_ornaments import (
 )
 from carlaloc_env.town.buildings.walls import GARAGE_DOOR, Shell, Wall, street_storey
 
-FULL_DETAIL_M = 24.0
-"""Above this height windows have no sills and reveals, which cannot be seen from the street [m]."""
-
 
 def facade(
     shell: Shell,
@@ -85,7 +82,7 @@ def _windows(
     shell.pictures(wall.front(*w, -style.recess_m), glass, pick)
     if front:
         window_ornaments(shell, wall, w, pick)
-    near = w.z0 < FULL_DETAIL_M
+    near = w.z0 < style.detail_m
     a0, a1, z0, z1 = (limit[near] for limit in w)
     shell.wall(wall.reveal(a0, a1, z0, z1, style.recess_m))
     if not front:

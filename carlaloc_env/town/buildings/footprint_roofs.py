@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import shapely
 
@@ -26,8 +28,8 @@ STEPS = (0.0, 0.3, 0.6, 0.85, 1.0)
 """Insets at which such a roof is cut, in parts of the largest one: its faces are planes between them."""
 RECTANGULAR = 0.94
 """Outlines that fill this share of the rectangle round them are rectangles."""
-_ROUND = {"dome": 0.5, "onion": 0.6, "round": 0.5, "cone": 1.0}
-"""Roofs that are steepest at their foot, and the exponent of their rise."""
+_ROUND = ("dome", "onion", "round")
+"""Roofs that are steepest at their foot and level at their top."""
 
 
 def roof_rise(outline: Area, shape: str, tagged_m: float) -> float:
@@ -37,7 +39,7 @@ def roof_rise(outline: Area, shape: str, tagged_m: float) -> float:
     if tagged_m > 0.0:
         return tagged_m
     reach = _reach(outline)
-    if shape in _ROUND or shape == "pyramidal":
+    if shape in (*_ROUND, "pyramidal", "cone"):
         return min(2.0 * reach * SLOPE, 2.0 * HIGHEST_M)
     return min(reach * SLOPE, HIGHEST_M)
 
@@ -57,7 +59,7 @@ def add_footprint_roof(
     elif shape in ("gable", "front_gable") and box is not None:
         _over_rectangle(shell, box, z, shape, rng)
     else:
-        _rising(shell, outline, z, rise_m, _ROUND.get(shape, 1.0))
+        _rising(shell, outline, z, rise_m, curved=shape in _ROUND)
 
 
 def _rectangle(outline: Area) -> Array | None:
@@ -102,17 +104,15 @@ def _flat(shell: Shell, outline: Area, z: float) -> None:
             shell.wall(upright(line[:-1], line[1:], z, top))
 
 
-def _rising(shell: Shell, outline: Area, z: float, rise_m: float, power: float) -> None:
+def _rising(shell: Shell, outline: Area, z: float, rise_m: float, *, curved: bool) -> None:
     """Faces that rise from all edges: rings between insets, each in its plane."""
     eaves = shapely.buffer(outline, EAVES_M, join_style="mitre", mitre_limit=2.0)
     eaves = max(polygons_of(eaves), key=lambda part: part.area)
     reach = _reach(eaves)
     drop = rise_m * EAVES_M / max(reach, EAVES_M + 0.1)
     insets = [shapely.buffer(eaves, -s * reach * 0.985, join_style="mitre", mitre_limit=4.0) for s in STEPS]
-    rises = [
-        z - drop + (rise_m + drop) * (1.0 - (1.0 - s) ** (1.0 / power) if power < 1.0 else s) for s in STEPS
-    ]
-    for k, (low, high) in enumerate(zip(insets, insets[1:], strict=False)):
+    rises = [z - drop + (rise_m + drop) * (s * (2.0 - s) if curved else s) for s in STEPS]
+    for k, (low, high) in enumerate(itertools.pairwise(insets)):
         _ring(shell, low, high, rises[k], rises[k + 1])
     for part in polygons_of(insets[-1]):
         add_level(shell, part, rises[-1], *shell.look.roof)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -41,16 +42,20 @@ CLEAR_M = 0.15
 """Distance of houses from carriageways [m]."""
 PASSAGE_M2 = 12.0
 """Houses over more of a carriageway than this have a passage; others are cut [m²]."""
+DETAIL_M = 8.0
+"""Above this height windows are flush with their wall: cities have many [m]."""
 LEAST_M2 = 4.0
 """Smaller remains are left out [m²]."""
 STYLE_OF_USE = {
     "house": ("house", "villa", "clapboard"), "detached": ("house", "villa", "clapboard"),
-    "semidetached_house": ("terrace", "house"), "terrace": ("terrace", "townhouse"), "bungalow": ("bungalow",),
+    "semidetached_house": ("terrace", "house"), "terrace": ("terrace", "townhouse"),
+    "bungalow": ("bungalow",),
     "apartments": ("flats", "brick_walkup", "european", "slab"), "residential": ("brick_walkup", "european"),
     "garage": ("depot",), "garages": ("depot",), "shed": ("barn",), "hut": ("barn",), "barn": ("barn",),
     "farm": ("farmhouse",), "farm_auxiliary": ("barn",), "industrial": ("warehouse", "factory", "depot"),
     "warehouse": ("warehouse", "depot"), "retail": ("shop_row", "pavilion"), "supermarket": ("pavilion",),
-    "commercial": ("office", "ribbon", "shop_row"), "office": ("office", "ribbon"), "hotel": ("european", "deco"),
+    "commercial": ("office", "ribbon", "shop_row"), "office": ("office", "ribbon"),
+    "hotel": ("european", "deco"),
     "church": ("civic",), "cathedral": ("civic",), "chapel": ("civic",), "school": ("civic", "flats"),
     "university": ("civic",), "public": ("civic",), "civic": ("civic",), "hospital": ("slab", "office"),
     "train_station": ("civic",), "government": ("civic",),
@@ -67,7 +72,8 @@ MATERIALS = {
 """Wall materials by `building:material`."""
 ROOFS = {
     "gabled": "gable", "hipped": "hip", "half-hipped": "hip", "pyramidal": "pyramidal", "mansard": "hip",
-    "gambrel": "gable", "saltbox": "gable", "skillion": "flat", "flat": "flat", "dome": "dome", "onion": "onion",
+    "gambrel": "gable", "saltbox": "gable", "skillion": "flat", "flat": "flat", "dome": "dome",
+    "onion": "onion",
     "round": "round", "cone": "cone", "quadruple_saltbox": "hip", "side_hipped": "hip", "sawtooth": "flat",
 }  # fmt: skip
 """Roofs that are built by `roof:shape`."""
@@ -176,7 +182,7 @@ class Houses:
         roof = _roof(feature, style, outline)
         height = max(feature.number("height_m", 4.0), 2.2)
         rise = min(roof_rise(outline, roof, feature.number("roof_m", 0.0)), 0.6 * height)
-        corners = np.concatenate([line for line in _rings(whole)])
+        corners = np.concatenate(list(_rings(whole)))
         self.all.append(
             House(
                 name=f"house/{feature.id}", ground=stands, whole=whole, look=look,
@@ -193,7 +199,7 @@ class Houses:
             levels = house.levels_m[(house.levels_m > low + 0.5) & (house.levels_m < high - 0.5)]
             levels = np.concatenate([[low], levels, [high]])
             for line in _rings(outline):
-                for a, b in zip(line[:-1], line[1:], strict=True):
+                for a, b in itertools.pairwise(line):
                     self._wall(shell, number, a, b, levels, draw)
                 if low == 0.0:
                     shell.trim(upright(line[:-1], line[1:], -FOUNDATION_M, 0.0))
@@ -306,7 +312,7 @@ def _style(feature: MappedFeature, outline: Area, zones: Zones, draw: np.random.
     # What stands out of a rectangle's front would hang over the corners of other outlines.
     kept = tuple(o for o in style.ornaments if o in ("shutters", "plinth", "bands", "spandrels", "quoins"))
     reach = (min(style.cornice_m[0], 0.12), style.cornice_m[1])
-    return replace(style, ornaments=kept, cornice_m=reach if reach[0] > 0 else style.cornice_m)
+    return replace(style, ornaments=kept, cornice_m=reach, balconies=0.4 * style.balconies, detail_m=DETAIL_M)
 
 
 def _look(feature: MappedFeature, style: Style, draw: np.random.Generator) -> Appearance:

@@ -129,6 +129,8 @@ class Style:
     """Storeys after which the next part of a tower stands back; 0 for never."""
     gap_m: float = 0.0
     """Distance to the next building [m]."""
+    detail_m: float = 24.0
+    """Above this height windows have no sills and reveals, which cannot be seen from the street [m]."""
     front_m: float = 0.0
     """Distance of the front from the sidewalk [m]."""
 

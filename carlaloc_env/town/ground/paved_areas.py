@@ -18,6 +18,7 @@ from carlaloc_env.town.meshing.polygons import (
     rings,
     strip_polygon,
     union,
+    without,
 )
 from carlaloc_env.town.opendrive.records import Road
 
@@ -180,7 +181,7 @@ def _level(
 def _asphalt(group: Sequence[Strip], beside: Area) -> Area:
     """A junction's own asphalt, without what belongs to the roads `beside` it."""
     joined = union(area for strip in group for area in lane_area(strip, ("roadway",)))
-    return areas_only(shapely.difference(fill_holes(joined, FILLED_HOLE_M2), beside), 1e-2)
+    return areas_only(without(fill_holes(joined, FILLED_HOLE_M2), beside), 1e-2)
 
 
 def _islands(roadway: Area, raised: Area) -> Area:
@@ -231,7 +232,7 @@ def _corners(
     wanted = union(parts)
     # Joining the few neighbours that matter spares a union of the whole town for every junction.
     near = [area for area in others if shapely.intersects(area, wanted)]
-    area = areas_only(shapely.difference(wanted, shapely.union_all([taken, *near]) if near else taken), 0.3)
+    area = areas_only(without(wanted, shapely.union_all([taken, *near]) if near else taken), 0.3)
     shapely.prepare(walks)
     kept = [
         part

@@ -18,6 +18,7 @@ from carlaloc_env.town.config import RoadsideConfig, TownConfig
 from carlaloc_env.town.ground.ground_plan import Groundwork
 from carlaloc_env.town.ground.terrain import Land, Raster
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.mapped import of_kind
 from carlaloc_env.town.meshing.batches import InstanceIds, PropField, copies, poses
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, polygons_of, posts
@@ -47,6 +48,8 @@ from carlaloc_env.town.vegetation.gardens import dress_land, is_tree
 
 SIGN_CLEAR_M = 2.6
 """Nothing else stands nearer to the foot of a direction sign [m]."""
+GREENS = ("green", "wood", "field", "residential")
+"""Mapped areas on which plants are added."""
 FOOT_CLEAR_M, CROSSWALK_CLEAR_M = 0.6, 4.0
 """The same of masts, posts and poles, and of crosswalks beside which no car stands on a verge [m]."""
 
@@ -217,6 +220,10 @@ def _furnish(
 def _land(work: Groundwork, plots: Plots, roadside: Roadside, route_m: Array | None, seed: int) -> Land:
     waters = [area for kind, area in work.zones if kind == "water"]
     taken = [work.areas.paved, plots.reserved, roadside.taken, *plots.footprints(), *waters]
+    if plots.mapped is not None:
+        # Plants are added to greens and gardens that are mapped, and nowhere else.
+        greens = [feature.shape for feature in of_kind(plots.mapped, *GREENS)]
+        taken.append(shapely.difference(work.bounds, shapely.union_all(greens)))
     return Land(
         bounds=work.bounds,
         zones=work.zones,

@@ -1,0 +1,93 @@
+"""Streets as a network that drives: turns are made wide, and roads that cannot be reached are left out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.openstreetmap.clusters import Cluster, find_clusters
+from carlaloc_env.openstreetmap.road_graph import Chain
+from carlaloc_env.openstreetmap.road_network import Heights, Memo, RoadNetwork, build_network
+
+ROUNDS = 8
+"""How often legs are moved away from junctions at most."""
+
+
+def settle(
+    chains: Sequence[Chain],
+    heights_of: Callable[[Sequence[Chain], Sequence[Cluster]], Heights],
+    banned: Mapping[tuple[int, int], frozenset[int]],
+    solid: shapely.STRtree | None,
+    *,
+    yellow: bool,
+) -> tuple[RoadNetwork, list[Chain], list[Chain]]:
+    """The network whose turns are all wide enough and whose roads can all be reached from each other.
+
+    Legs of turns that are too tight move away from their junction; roads that stay unreachable are left out.
+
+    Args:
+        chains: Streets.
+        heights_of: Makes heights of streets and junctions.
+        banned: As `build_network` has it.
+        solid: The same.
+        yellow: The same.
+
+    Returns:
+        The network, the chains that it holds, and those that were left out.
+
+    Raises:
+        MapError: Nothing is left.
+    """
+    kept = list(chains)
+    dropped: list[Chain] = []
+    memo: Memo = ({}, {})
+    while kept:
+        more: Counter[tuple[int, int]] = Counter()
+        for _ in range(ROUNDS):
+            clusters = find_clusters(kept, more)
+            network = build_network(kept, clusters, Heights(), banned, solid, memo, yellow=yellow)
+            if not network.tight:
+                break
+            for end in {(e.chain, e.side) for t in network.tight for e in (t.source, t.target)}:
+                more[end] = min(more[end] + 3, 30)
+        lost = unreachable(network)
+        if not lost:
+            heights = heights_of(kept, clusters)
+            network = build_network(kept, clusters, heights, banned, solid, memo, yellow=yellow)
+            return network, kept, dropped
+        dropped += [kept[k] for k in sorted(lost)]
+        kept = [chain for k, chain in enumerate(kept) if k not in lost]
+        memo = ({}, {})
+    raise MapError("no street is left on which one could drive for ever; give a larger box")
+
+
+def unreachable(network: RoadNetwork) -> set[int]:
+    """Chains with a direction from which not all others can be reached, or which cannot be reached."""
+    edges: list[tuple[tuple[int, bool], tuple[int, bool]]] = []
+    places: dict[tuple[int, bool], int] = {}
+    for junction in network.junctions:
+        ends = junction.cluster.ends
+        for i, j in {(m.source, m.target) for m in junction.movements}:
+            edges.append(((ends[i].chain, ends[i].side == 1), (ends[j].chain, ends[j].side == 0)))
+        for end in ends:
+            for ahead, goes in ((end.side == 1, end.enters), (end.side == 0, end.leaves)):
+                if goes:
+                    places.setdefault((end.chain, ahead), len(places))
+    sources, targets = {a for a, _ in edges}, {b for _, b in edges}
+    stuck = {place[0] for place in places if place not in sources or place not in targets}
+    if stuck:
+        return stuck
+    rows, columns = np.array([[places[a], places[b]] for a, b in edges]).T
+    graph = coo_matrix((np.ones(len(edges)), (rows, columns)), shape=(len(places),) * 2)
+    _, part = connected_components(graph, connection="strong")
+    length: Counter[int] = Counter()
+    for (chain, _), place in places.items():
+        length[int(part[place])] += round(network.of_chain[chain].length)
+    best = max(length, key=lambda k: (length[k], -k))
+    return {chain for (chain, _), place in places.items() if part[place] != best}

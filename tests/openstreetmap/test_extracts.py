@@ -1,0 +1,116 @@
+"""Extracts: formats, boxes, places on the Earth, and files that are none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, village
+
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.openstreetmap.countries import country_of, drives_left
+from carlaloc_env.openstreetmap.extract import read_extract
+from carlaloc_env.openstreetmap.import_town import import_town
+
+
+def test_plain_and_packed_files_hold_the_same(tmp_path: Path) -> None:
+    sketch = village()
+    plain, packed = (read_extract(sketch.write(tmp_path / name)) for name in ("a.osm", "a.osm.gz"))
+    assert plain.xy_m == packed.xy_m
+    assert {key: way.tags for key, way in plain.ways.items()} == {
+        key: way.tags for key, way in packed.ways.items()
+    }
+
+
+def test_pbf_holds_the_same(tmp_path: Path) -> None:
+    osmium = pytest.importorskip("osmium")
+    sketch = village()
+    plain = sketch.write(tmp_path / "a.osm")
+    with osmium.SimpleWriter(str(tmp_path / "a.osm.pbf")) as writer:
+        for item in osmium.FileProcessor(str(plain)):
+            writer.add(item)
+    assert read_extract(tmp_path / "a.osm.pbf").xy_m == read_extract(plain).xy_m
+
+
+def test_nodes_lie_where_they_were_drawn(tmp_path: Path) -> None:
+    """To 3 cm: seven decimals of a degree; the origin is the middle of the streets."""
+    sketch = village()
+    extract = read_extract(sketch.write(tmp_path / "a.osm"))
+    drawn = np.array(list(sketch.nodes))
+    found = np.array([extract.xy_m[number] for number in sketch.nodes.values()])
+    assert np.abs((found - found[0]) - (drawn - drawn[0])).max() < 0.03
+    lat, lon, _ = extract.geo.enu_to_geodetic([*extract.xy_m[1], 0.0])
+    assert abs(lon - sketch.degrees[1][0]) < 1e-7
+    assert abs(lat - sketch.degrees[1][1]) < 1e-7
+
+
+def test_a_box_cuts_streets_where_they_cross_it(tmp_path: Path) -> None:
+    sketch = village()
+    path = sketch.write(tmp_path / "a.osm")
+    (west, south, _), (east, north, _) = (
+        sketch.geo.enu_to_geodetic([x, y, 0.0])[[1, 0, 2]] for x, y in ((-120, -100), (100, 100))
+    )
+    extract = read_extract(path, (float(west), float(south), float(east), float(north)))
+    high = next(way for way in extract.ways.values() if way.tags.get("name") == "High Street")
+    length = float(np.hypot(*np.diff(extract.line(high.nodes), axis=0).T).sum())
+    assert abs(length - 220.0) < 0.5
+    assert {high.nodes[0], high.nodes[-1]} <= extract.edge
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "no whole .osm file"),
+        (b"<osm><node id='1' lon='1' lat='2'/><way", "no whole .osm file"),
+        (b"\x1f\x8b\x08\x00cut", "cannot read"),
+        (b"<osm></osm>", "no nodes"),
+        (b"<osm><node id='x' lon='1' lat='2'/></osm>", "no number"),
+        (b"<osm><node id='1' lon='1' lat='2'/></osm>", "no street for cars"),
+        (
+            b"<osm><node id='1' lon='1' lat='2'/><way id='2'><nd ref='7'/><nd ref='8'/>"
+            b"<tag k='highway' v='residential'/></way></osm>",
+            "no street for cars",
+        ),
+    ],
+)
+def test_what_is_no_extract_gives_one_line(content: bytes, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.osm"
+    path.write_bytes(content)
+    with pytest.raises(MapError, match=words) as error:
+        import_town(path)
+    assert "\n" not in str(error.value)
+
+
+def test_boxes_that_hold_nothing_give_one_line(tmp_path: Path) -> None:
+    path = village().write(tmp_path / "a.osm")
+    with pytest.raises(MapError, match="covers --bbox 16"):
+        import_town(path, box=(1.0, 1.0, 1.1, 1.1))
+    with pytest.raises(MapError, match="W,S,E,N"):
+        import_town(path, box=(2.0, 1.0, 1.0, 1.1))
+    with pytest.raises(MapError, match="cannot read"):
+        import_town(tmp_path / "none.osm")
+
+
+def test_a_single_short_dead_end_is_refused(tmp_path: Path) -> None:
+    sketch = Sketch()
+    sketch.way((0, 0), (30, 0), highway="residential")
+    with pytest.raises(MapError, match="larger box"):
+        import_town(sketch.write(tmp_path / "a.osm"))
+
+
+def test_the_side_follows_from_rings_then_carriageways_then_the_place(tmp_path: Path) -> None:
+    def side(sketch: Sketch) -> tuple[bool, str]:
+        extract = read_extract(sketch.write(tmp_path / "a.osm"))
+        return drives_left(extract, country_of(extract.geo.longitude_deg, extract.geo.latitude_deg))
+
+    assert side(village(OXFORD)) == (True, "country GB")
+    assert side(village()) == (False, "country AT")
+    ring = village(OXFORD)
+    corners = [(50, 50), (60, 50), (60, 60), (50, 60), (50, 50)]
+    ring.way(*corners, highway="residential", junction="roundabout")  # anticlockwise
+    assert side(ring) == (False, "roundabouts")
+    pair = village()
+    pair.way((0, 300), (300, 300), highway="primary", oneway="yes", ref="1")
+    pair.way((300, 290), (0, 290), highway="primary", oneway="yes", ref="1")  # on the right
+    assert side(pair) == (True, "dual carriageways")

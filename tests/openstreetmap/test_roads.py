@@ -1,0 +1,185 @@
+"""Roads from OpenStreetMap: joints, radii, reachability, sides, heights, lights, restrictions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, village
+
+from carlaloc_env.openstreetmap.import_town import ImportedTown, import_town, write_town
+from carlaloc_env.town.checks.report import report
+from carlaloc_env.town.lanes.build_network import build_network
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.opendrive.reader import read_opendrive
+
+
+def made(sketch: Sketch, folder: Path) -> tuple[ImportedTown, LaneNetwork]:
+    town = import_town(sketch.write(folder / "a.osm"))
+    write_town(town, folder)
+    xodr = read_opendrive(folder / "town.xodr")
+    network = build_network(xodr)
+    assert report(xodr, network).errors == ()
+    check_lanes(network)
+    return town, network
+
+
+def check_lanes(network: LaneNetwork) -> None:
+    """The bars: joints of 1 mm and 1 mrad, radii of 6 m, one part in which every lane can be reached."""
+    driving = [lane for lane in network.lanes if lane.type == "driving"]
+    index = {lane.index: k for k, lane in enumerate(driving)}
+    pairs = [(a.index, b) for a in driving for b in a.successors if b in index]
+    a, b = np.array(pairs).T
+    end = network.exact_pose(a, np.array([network.lanes[k].length_m for k in a]))
+    start = network.exact_pose(b, np.zeros(len(b)))
+    assert np.abs(np.asarray(end[0]) - np.asarray(start[0])).max() < 1e-3
+    turn = np.asarray(end[1]) - np.asarray(start[1])
+    assert np.abs((turn + np.pi) % (2 * np.pi) - np.pi).max() < 1e-3
+    assert np.abs(np.asarray(end[3]) - np.asarray(start[3])).max() < 0.01
+    for lane in driving:
+        s = np.linspace(0.0, lane.length_m, max(3, int(lane.length_m / 0.5)))
+        assert np.abs(network.exact_pose(np.full(len(s), lane.index), s)[3]).max() < 1 / 6.0
+    beside = [(k.index, n) for k in driving for n in (k.left, k.right) if n in index]
+    rows, columns = np.array([(index[p], index[q]) for p, q in pairs + beside]).T
+    parts, _ = connected_components(
+        coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(driving),) * 2), connection="strong"
+    )
+    assert parts == 1
+
+
+def covered(network: LaneNetwork, points: np.ndarray) -> float:
+    """Share of points (N, 2) within 2 m of a driving lane's middle."""
+    tables = network.tables
+    driven = np.concatenate(
+        [
+            tables.position_m[int(tables.first[k.index]) :][: int(tables.count[k.index]), :2]
+            for k in network.lanes
+            if k.type == "driving"
+        ]
+    )
+    return float(np.mean([np.hypot(*(driven - p).T).min() < 2.5 for p in points]))
+
+
+def test_a_village(tmp_path: Path) -> None:
+    town, network = made(village(), tmp_path)
+    assert town.report["built_m"] == town.report["streets_m"]
+    assert len(network.signals) >= 4
+    limits = {round(lane.speed_limit_mps * 3.6) for lane in network.lanes if lane.type == "driving"}
+    assert limits == {50, 100}, "the lane out of the village has the country's limit"
+    assert covered(network, np.column_stack([np.arange(-190, 80, 5.0), np.zeros(54)]) - offset(town)) > 0.95
+
+
+def offset(town: ImportedTown) -> np.ndarray:
+    """Where the sketch's origin lies away from the town's: its streets' middle [m]."""
+    return np.array([10.0, 15.0])
+
+
+def test_left_hand_traffic_mirrors_the_lanes(tmp_path: Path) -> None:
+    _, network = made(village(OXFORD), tmp_path)
+    assert all(lane.kerb_side == 1 for lane in network.lanes if lane.type == "driving")
+
+
+def test_a_bridge_clears_the_street_below(tmp_path: Path) -> None:
+    sketch = Sketch()
+    sketch.way((-260, 0), (260, 0), highway="secondary")
+    sketch.way((0, -260), (0, -25), highway="tertiary")
+    sketch.way((0, -25), (0, 25), highway="tertiary", bridge="yes", layer="1")
+    sketch.way((0, 25), (0, 260), highway="tertiary")
+    sketch.way((-260, 0), (-260, 260), (0, 260), highway="residential")
+    sketch.way((-260, 0), (-260, -260), (0, -260), highway="residential")
+    _, network = made(sketch, tmp_path)
+    low, high, steepest = 1e9, 0.0, 0.0
+    for lane in network.lanes:
+        if lane.type != "driving":
+            continue
+        s = np.linspace(0.0, lane.length_m, max(3, int(lane.length_m)))
+        pose = network.exact_pose(np.full(len(s), lane.index), s)
+        xyz = np.asarray(pose[0])
+        steepest = max(steepest, float(np.abs(pose[2]).max()))
+        at = np.hypot(xyz[:, 0], xyz[:, 1]) < 4.0
+        if at.any():
+            low, high = min(low, float(xyz[at, 2].min())), max(high, float(xyz[at, 2].max()))
+    assert high - low >= 5.0
+    assert steepest <= 0.1
+
+
+def test_roundabouts_keep_their_island(tmp_path: Path) -> None:
+    sketch = Sketch()
+    angle = np.linspace(0.0, 2 * np.pi, 17)
+    ring = [(round(18 * float(np.cos(a)), 2), round(18 * float(np.sin(a)), 2)) for a in angle[:-1]]
+    sketch.way(*ring, ring[0], highway="secondary", junction="roundabout")
+    for k in (0, 4, 8, 12):
+        x, y = ring[k]
+        sketch.way((x, y), (x * 8, y * 8), highway="secondary")
+    _, network = made(sketch, tmp_path)
+    tables = network.tables
+    nearest = min(
+        float(
+            np.hypot(
+                *tables.position_m[int(tables.first[k.index]) :][: int(tables.count[k.index]), :2].T
+            ).min()
+        )
+        for k in network.lanes
+        if k.type == "driving"
+    )
+    assert nearest > 12.0
+
+
+def test_one_way_streets_at_the_box_are_led_back(tmp_path: Path) -> None:
+    """A pair of carriageways gets a loop at both ends; streets farther apart get a street round the town."""
+    sketch = Sketch()
+    sketch.way((-300, 0), (0, 0), (300, 0), highway="primary", oneway="yes", name="East")
+    sketch.way((300, 14), (0, 14), (-300, 14), highway="primary", oneway="yes", name="West")
+    sketch.way((0, 14), (0, 0), highway="residential")
+    sketch.way((0, 0), (0, -200), highway="residential", oneway="yes", name="South")
+    sketch.way((110, -200), (110, 0), highway="residential", oneway="yes", name="North")
+    sketch.way((0, -100), (110, -100), highway="residential")
+    town, _ = made(sketch, tmp_path)
+    assert town.report["built_m"] > 0.95 * town.report["streets_m"]
+    assert town.report["turning_places_m"] > 100
+
+
+def test_a_turn_that_is_not_allowed_has_no_lane(tmp_path: Path) -> None:
+    """Where streets meet; a bend of one street stays."""
+
+    def turns(banned: bool) -> int:
+        sketch = Sketch()
+        west = sketch.way((-200, 0), (0, 0), highway="residential")
+        sketch.way((0, 0), (200, 0), highway="residential")
+        north = sketch.way((0, 0), (0, 200), highway="residential")
+        if banned:
+            via = sketch.nodes[0, 0]
+            members = (("way", west, "from"), ("node", via, "via"), ("way", north, "to"))
+            sketch.relation(*members, type="restriction", restriction="no_left_turn")
+        _, network = made(sketch, tmp_path)
+        return sum(lane.type == "driving" for lane in network.lanes)
+
+    assert turns(False) - turns(True) == 1
+
+
+def test_the_same_file_gives_the_same_bytes(tmp_path: Path) -> None:
+    path = village().write(tmp_path / "a.osm")
+    first, second = import_town(path), import_town(path)
+    assert (first.xodr, first.toml, first.features) == (second.xodr, second.toml, second.features)
+
+
+def test_absurd_tags_are_built_as_if_they_were_missing(tmp_path: Path) -> None:
+    sketch = village()
+    sketch.way(
+        (80, 0), (80, 120), highway="residential", lanes="900", width="narrow", maxspeed="∞", layer="x"
+    )
+    sketch.block(100, 20, 12, 12, building="yes", building__levels="900", height="very")
+    town, _ = made(sketch, tmp_path)
+    assert '"levels": 900' not in town.features
+
+
+@pytest.mark.parametrize("angle_deg", [12.0, 25.0, 40.0])
+def test_acute_legs(angle_deg: float, tmp_path: Path) -> None:
+    sketch = Sketch()
+    sketch.way((-250, 0), (0, 0), (250, 0), highway="secondary")
+    x, y = 240 * np.cos(np.radians(angle_deg)), 240 * np.sin(np.radians(angle_deg))
+    sketch.way((0, 0), (round(float(x), 2), round(float(y), 2)), highway="residential")
+    made(sketch, tmp_path)
