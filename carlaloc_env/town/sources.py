@@ -36,7 +36,7 @@ class TownId:
     toml: Path | None
     """Its settings, if it has some."""
     features: Path | None = None
-    """What stands beside its roads, if that is known."""
+    """Things beside its roads, if they are known."""
 
 
 def find_town(name: str) -> Path:
