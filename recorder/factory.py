@@ -67,7 +67,7 @@ class DatasetConfig:
     seed: int | None = None
     """Seed by which drives are recorded; None: the standard drive of each town."""
     pace: str = "lights"
-    """``lights``: lights as they fall; ``wave``: a green wave for the ego, by which drives are shorter."""
+    """``lights``: lights as they fall; ``wave``: a green wave for the ego."""
 
     def __post_init__(self) -> None:
         for town in self.towns:

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--pace", choices=("lights", "wave"), default="lights",
-        help="lights as they fall (default), or a green wave for the ego: shorter drives",
+        help="lights as they fall (default), or a green wave for the ego",
     )  # fmt: skip
     option(parser, "--manifest", OutputFolder(), "DIR", "also write drives, recipe and checksums there")
     option(parser, "--hub", OutputFolder(), "DIR", "also prepare it there for a hub; nothing is sent")
