@@ -259,7 +259,7 @@ def _report(
         "country": country.code,
         "drives_on": drives_on,
         "streets_m": round(graph.asked_m),
-        "built_m": round(graph.asked_m - lost),
+        "built_m": round(graph.kept_m - lost),
         "turning_places_m": round(graph.turning_m),
         "junctions": len(network.junctions),
         "buildings": len(buildings),

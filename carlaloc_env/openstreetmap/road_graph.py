@@ -18,6 +18,8 @@ from carlaloc_env.openstreetmap.extract import Extract, Way
 from carlaloc_env.openstreetmap.tags import Street, direction, for_cars
 from carlaloc_env.openstreetmap.turning_places import FIRST_ID, TurningPlaces, one_way_ends
 
+PART_LEAST_M = 80.0
+"""Parts of the streets that are shorter and apart from the rest are left out [m]."""
 PART_M = 30.0
 """Parts of a street with other numbers of lanes that are shorter are built like their neighbours [m]."""
 
@@ -67,6 +69,8 @@ class RoadGraph:
     """Length of turning places, which the extract has not [m]."""
     left_out: dict[int, str] = field(default_factory=dict)
     """Ids of ways that cars use but that are not built, and why."""
+    kept_m: float = 0.0
+    """Length of those that are built [m]."""
     asked_m: float = 0.0
     """Length of all streets for cars that lead anywhere [m]."""
 
@@ -88,9 +92,11 @@ def build_graph(extract: Extract, street_of: Callable[[Way], Street]) -> RoadGra
     if not segments:
         raise MapError(f"{extract.source} has no street for cars here; give a box with streets")
     segments = _opened(segments, extract)
-    everywhere = _strong(segments, extract, _outside(segments))
+    largest = _strong(segments, extract, _outside(segments))
+    everywhere, apart = _with_parts(segments, largest, extract)
+    homes = _dead_ends(largest)
     places = TurningPlaces(everywhere, extract)
-    more = [(u, v, way) for way in places.join(*one_way_ends(_directed(everywhere)))
+    more = [(u, v, way) for way in places.join(*one_way_ends(_directed(everywhere)), homes, apart)
             for u, v in itertools.pairwise(way.nodes)]  # fmt: skip
     kept = _strong([*everywhere, *more], extract, ())
     own = [s for s in kept if s[2].id > FIRST_ID]
@@ -101,6 +107,7 @@ def build_graph(extract: Extract, street_of: Callable[[Way], Street]) -> RoadGra
     graph = RoadGraph(
         chains=_chains(kept, extract, street_of),
         asked_m=_length(everywhere, extract),
+        kept_m=_length(own, extract),
         turning_m=_length(kept, extract) - _length(own, extract),
     )
     built, reachable = {way.id for _, _, way in kept}, {way.id for _, _, way in everywhere}
@@ -109,6 +116,32 @@ def build_graph(extract: Extract, street_of: Callable[[Way], Street]) -> RoadGra
             why = "its one-way end leads nowhere" if way.id in reachable else "it joins no other street here"
             graph.left_out[way.id] = why
     return graph
+
+
+def _with_parts(
+    segments: Sequence[Segment], largest: Sequence[Segment], extract: Extract
+) -> tuple[list[Segment], list[int]]:
+    """The largest part and others that end at the box like it; and two-way ends of these."""
+    found, taken = list(largest), {(u, v, way.id) for u, v, way in largest}
+    apart: list[int] = []
+    rest = [(u, v, way) for u, v, way in segments if (u, v, way.id) not in taken]
+    while rest:
+        part = _strong(rest, extract, _outside(rest))
+        if _length(part, extract) < PART_LEAST_M:
+            break
+        ends = _dead_ends(part)
+        taken = {(u, v, way.id) for u, v, way in part}
+        rest = [(u, v, way) for u, v, way in rest if (u, v, way.id) not in taken]
+        if ends:
+            found += part
+            apart += ends
+    return found, apart
+
+
+def _dead_ends(segments: Sequence[Segment]) -> list[int]:
+    """Nodes at which two-way streets end."""
+    degree = Counter(node for s in segments for node in s[:2])
+    return sorted({n for s in segments if direction(s[2].tags) == 0 for n in s[:2] if degree[n] == 1})
 
 
 def _opened(segments: Sequence[Segment], extract: Extract) -> list[Segment]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import shapely
@@ -18,11 +18,15 @@ LEAD_M = 12.0
 """Straight before and after a loop [m]."""
 RING_M = 35.0
 """Distance from all streets of the line on which farther ends are joined [m]."""
+APART_M = 24.0
+"""How much farther out parts of a town are joined that meet beyond the box only [m]."""
 FIRST_ID = -1_000_000_000
 """Ids of nodes and ways of turning places are this and less."""
 _KEPT_TAGS = ("highway", "surface")
 
 Segment = tuple[int, int, Way]
+End = tuple[float, int, str]
+"""Station on the ring [m], node, and `exit`, `entry`, `home` or `apart`."""
 
 
 class TurningPlaces:
@@ -37,13 +41,29 @@ class TurningPlaces:
         self._leads: dict[int, list[tuple[float, float]]] = {}
         self.ways: list[Way] = []
 
-    def join(self, exits: Sequence[int], entries: Sequence[int]) -> list[Way]:
-        """Streets that lead from exits, nodes at which one-way streets end, to entries."""
+    def join(
+        self, exits: Sequence[int], entries: Sequence[int], homes: Sequence[int], apart: Sequence[int]
+    ) -> list[Way]:
+        """Streets that lead everything back.
+
+        Args:
+            exits: Nodes at which one-way streets end.
+            entries: Nodes at which they begin.
+            homes: Ends of two-way streets of the largest part.
+            apart: The same of parts that are joined to it beyond the box only.
+        """
         near = self._near_pairs(exits, entries)
         for leaving, joining in near:
             self._loop(leaving, joining)
         done = {node for pair in near for node in pair}
-        self._arcs([n for n in exits if n not in done], [n for n in entries if n not in done])
+        rest = {
+            "exit": [node for node in exits if node not in done],
+            "entry": [node for node in entries if node not in done],
+        }
+        if all(rest.values()):
+            self._arcs(rest, RING_M)
+        if apart and homes:
+            self._arcs({"home": homes, "apart": apart}, RING_M + APART_M)
         return self.ways
 
     def _near_pairs(self, exits: Sequence[int], entries: Sequence[int]) -> list[tuple[int, int]]:
@@ -63,7 +83,9 @@ class TurningPlaces:
     def _heading(self, node: int) -> tuple[float, float]:
         """Direction of traffic at an end."""
         xy = self._extract.xy_m
-        u, v, _ = next(s for s in self._segments if node in s[:2])
+        u, v, way = next(s for s in self._segments if node in s[:2])
+        if way.tags.get("oneway", "no") == "no" and node == u:
+            u, v = v, u  # Out of a two-way street.
         dx, dy = xy[v][0] - xy[u][0], xy[v][1] - xy[u][1]
         length = math.hypot(dx, dy) or 1.0
         return dx / length, dy / length
@@ -97,23 +119,23 @@ class TurningPlaces:
         points = [(x + c * p - s * q, y + s * p + c * q) for p, q in local]
         self._add([leaving, *self._nodes(points), joining], self._tags(leaving))
 
-    def _arcs(self, exits: Sequence[int], entries: Sequence[int]) -> None:
+    def _arcs(self, kinds: Mapping[str, Sequence[int]], out_m: float) -> None:
         """Two-way streets round the town between neighbouring ends, as few as lead everything back."""
-        if not exits or not entries:
-            return
         xy = self._extract.xy_m
         corners = [xy[node] for s in self._segments for node in s[:2]]
-        ring = shapely.buffer(shapely.MultiPoint(corners).convex_hull, RING_M).exterior
+        ring = shapely.buffer(shapely.MultiPoint(corners).convex_hull, out_m).exterior
         ends = []
-        for node in [*exits, *entries]:
+        for node, kind in sorted((node, kind) for kind, nodes in kinds.items() for node in nodes):
             place = shapely.Point(xy[node])
+            if kind in ("home", "apart") and shapely.distance(ring, place) > 2.0 * out_m:
+                continue
             at = shapely.line_locate_point(ring, place)
             foot = shapely.get_coordinates(shapely.line_interpolate_point(ring, at))[0]
             end = (float(foot[0]), float(foot[1]))
-            way = self._way_out(node, end, leaves=node in set(exits))
+            way = self._way_out(node, end, leaves=kind != "entry")
             if way is not None:
                 self._leads[node] = way
-                ends.append((float(at), node, node in set(exits)))
+                ends.append((float(at), node, kind))
         ends.sort()
         for group in _groups(ends, ring.length):
             self._street(ring, group)
@@ -136,11 +158,11 @@ class TurningPlaces:
                 return [ahead, aside]
         return None
 
-    def _street(self, ring: shapely.LinearRing, group: Sequence[tuple[float, int, bool]]) -> None:
+    def _street(self, ring: shapely.LinearRing, group: Sequence[End]) -> None:
         nodes: list[int] = []
         tags = {**self._tags(group[0][1]), "lanes": "2", "oneway": "no", "highway": "tertiary"}
         before = 0.0
-        for k, (at, node, leaves) in enumerate(group):
+        for k, (at, node, kind) in enumerate(group):
             steps = np.linspace(before, at, int(abs(at - before) / 15.0) + 2)[1:-1] if k else np.zeros(0)
             inner = shapely.line_interpolate_point(ring, steps % ring.length)
             nodes += self._nodes([tuple(p) for p in shapely.get_coordinates(inner)])
@@ -148,7 +170,8 @@ class TurningPlaces:
             (own,) = self._nodes([(float(foot[0]), float(foot[1]))])
             nodes.append(own)
             lead = [node, *self._nodes(self._leads[node]), own]
-            self._add(lead if leaves else lead[::-1], self._tags(node))
+            both = {"lanes": "2", "oneway": "no"} if kind in ("home", "apart") else {}
+            self._add(lead if kind != "entry" else lead[::-1], {**self._tags(node), **both})
             before = at
         self._add(nodes, tags)
 
@@ -166,33 +189,36 @@ class TurningPlaces:
 
     def _crossed(self, points: Sequence[tuple[float, float]], own: set[int]) -> bool:
         """Whether a line meets a street that does not end at one of the nodes."""
-        hit = self._tree.query(shapely.LineString(points), predicate="intersects")
-        return any(not own & set(self._segments[k][:2]) for k in hit)
+        line = shapely.LineString(points)
+        made = [shapely.LineString([self._extract.xy_m[n] for n in way.nodes]) for way in self.ways]
+        hit = self._tree.query(line, predicate="intersects")
+        return any(line.crosses(way) for way in made) or any(
+            not own & set(self._segments[k][:2]) for k in hit
+        )
 
 
-def _groups(ends: Sequence[tuple[float, int, bool]], whole: float) -> list[list[tuple[float, int, bool]]]:
-    """Neighbours on a ring in groups that each hold both kinds, joined over the shortest gaps first."""
+def _groups(ends: Sequence[End], whole: float) -> list[list[End]]:
+    """Neighbours on a ring in groups from which all can return, joined over the shortest gaps first."""
     count = len(ends)
     group = list(range(count))
 
-    def both(k: int) -> bool:
+    def served(k: int) -> bool:
         kinds = {ends[i][2] for i in range(count) if group[i] == k}
-        return len(kinds) == 2
+        return "home" in kinds or {"exit", "entry"} <= kinds
 
     gaps = sorted(((ends[(i + 1) % count][0] - ends[i][0]) % whole, i) for i in range(count))
     cut = {i for _, i in gaps}
     for _, i in gaps:
         a, b = group[i], group[(i + 1) % count]
-        if a != b and not (both(a) and both(b)):
+        if a != b and not (served(a) and served(b)):
             group = [a if k == b else k for k in group]
             cut.discard(i)
-    if not cut:
+    if not cut and gaps:
         cut = {gaps[-1][1]}
     result = []
     for i in sorted(cut):
-        members: list[tuple[float, int, bool]] = []
-        k = (i + 1) % count
-        turn = 0.0
+        members: list[End] = []
+        k, turn = (i + 1) % count, 0.0
         while True:
             if members and ends[k][0] + turn < members[-1][0]:
                 turn += whole
@@ -200,7 +226,7 @@ def _groups(ends: Sequence[tuple[float, int, bool]], whole: float) -> list[list[
             if k in cut:
                 break
             k = (k + 1) % count
-        if len({leaves for _, _, leaves in members}) == 2:
+        if len(members) > 1:
             result.append(members)
     return result
 

@@ -28,7 +28,7 @@ from carlaloc_env.town.ground.terrain import Terrain, Zones
 from carlaloc_env.town.mapped import MappedFeature
 from carlaloc_env.town.meshing.batches import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.town.meshing.polygons import Area, polygons_of
+from carlaloc_env.town.meshing.polygons import Area, polygons_of, without
 
 STREET_M = 16.0
 """Walls that look onto something paved so near are fronts [m]."""
@@ -125,7 +125,7 @@ class Houses:
         self.left_out: list[str] = []
         """Ids of houses that stand on a carriageway altogether."""
         for feature in features:
-            for part in polygons_of(shapely.orient_polygons(feature.shape)):
+            for part in polygons_of(shapely.orient_polygons(shapely.make_valid(feature.shape))):
                 self._place(feature, part, zones, roadway, ground)
         self._tree = shapely.STRtree([house.whole for house in self.all])
 
@@ -159,15 +159,8 @@ class Houses:
         over = shapely.intersection(outline, roadway) if shapely.intersects(outline, roadway) else None
         parts, open_m = [outline], 0.0
         if over is not None and over.area > 0.02 and low < PASSAGE_M:
-            parts = polygons_of(
-                shapely.difference(
-                    outline,
-                    shapely.buffer(
-                        roadway.intersection(shapely.box(*shapely.bounds(shapely.buffer(outline, 2.0)))),
-                        CLEAR_M,
-                    ),
-                )
-            )
+            near = shapely.intersection(roadway, shapely.box(*shapely.buffer(outline, 2.0).bounds))
+            parts = polygons_of(without(outline, shapely.buffer(near, CLEAR_M)))
             if over.area > PASSAGE_M2 and feature.number("height_m", 0.0) > PASSAGE_M + 1.5:
                 open_m = PASSAGE_M
         parts = [part for part in parts if part.area >= LEAST_M2]

@@ -17,7 +17,7 @@ from carlaloc_env.town.ground.terrain import Land, Terrain
 from carlaloc_env.town.mapped import MappedFeature, of_kind
 from carlaloc_env.town.meshing.batches import PropField
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.town.meshing.polygons import Area, areas_only, triangulate
+from carlaloc_env.town.meshing.polygons import Area, areas_only, triangulate, without
 from carlaloc_env.town.vegetation.gardens import wall_panel
 from carlaloc_env.town.vegetation.planting import put_trees
 
@@ -52,13 +52,13 @@ def add_grounds(out: MeshBuilder, features: Sequence[MappedFeature], taken: Area
     shapely.prepare(taken)
     for kind, (material, tint) in PAVED.items():
         area = shapely.union_all([feature.shape for feature in of_kind(features, kind)])
-        xy, triangles = triangulate(areas_only(shapely.difference(area, taken), 2.0), 6.0)
+        xy, triangles = triangulate(areas_only(without(area, taken), 2.0), 6.0)
         if len(xy):
             points = np.column_stack([xy, ground.height(xy) + LIFT_M])
             out.triangles(points, triangles, material=material, tag=Tag.GROUND, colour=tint)
     for rail in of_kind(features, "rail"):
         if rail.number("layer", 0.0) == 0.0:
-            for line in shapely.get_parts(shapely.difference(rail.shape, taken)):
+            for line in shapely.get_parts(without(rail.shape, taken)):
                 if line.geom_type == "LineString" and line.length > 3.0:
                     _track(out, line, ground)
 
@@ -121,7 +121,7 @@ def put_plants(props: PropField, features: Sequence[MappedFeature], land: Land, 
 
 def _line(props: PropField, feature: MappedFeature, land: Land, solid: Area) -> None:
     """Pieces along a line, each turned as the line runs."""
-    for line in shapely.get_parts(shapely.difference(feature.shape, solid)):
+    for line in shapely.get_parts(without(feature.shape, solid)):
         if line.geom_type != "LineString" or line.length < PANEL_M:
             continue
         count = int(line.length / PANEL_M)

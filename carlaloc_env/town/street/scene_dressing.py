@@ -21,7 +21,7 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.mapped import of_kind
 from carlaloc_env.town.meshing.batches import InstanceIds, PropField, copies, poses
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.town.meshing.polygons import Area, polygons_of, posts
+from carlaloc_env.town.meshing.polygons import Area, areas_only, polygons_of, posts, without
 from carlaloc_env.town.roads.surfaces import Surfaces
 from carlaloc_env.town.street.car_parks import add_car_park
 from carlaloc_env.town.street.mapped_scenery import add_grounds, put_plants
@@ -178,9 +178,9 @@ def dress(
     land = _land(work, plots, roadside, route_m, seed)
     green = dress_land(out.raised, cover, out.solid, land, plots.lots)
     if plots.mapped is not None:
-        solid = shapely.union_all([work.areas.paved, *plots.footprints()])
+        solid = areas_only(shapely.union_all([work.areas.paved, *plots.footprints()]))
         add_grounds(out.raised, plots.mapped, solid, work.ground)
-        kept = shapely.union_all([work.areas.roadway, *plots.footprints()])
+        kept = areas_only(shapely.union_all([work.areas.roadway, *plots.footprints()]))
         put_plants(green, plots.mapped, land, kept)
     paved, floor = work.areas.paved, work.floor_height
     features = [feature_mesh(site, paved, floor, seed, ids.take()) for site in plots.features]
@@ -223,7 +223,7 @@ def _land(work: Groundwork, plots: Plots, roadside: Roadside, route_m: Array | N
     if plots.mapped is not None:
         # Plants are added to greens and gardens that are mapped, and nowhere else.
         greens = [feature.shape for feature in of_kind(plots.mapped, *GREENS)]
-        taken.append(shapely.difference(work.bounds, shapely.union_all(greens)))
+        taken.append(without(work.bounds, areas_only(shapely.union_all(greens))))
     return Land(
         bounds=work.bounds,
         zones=work.zones,
