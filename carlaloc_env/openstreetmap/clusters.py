@@ -21,16 +21,20 @@ CHANGE_M = 14.0
 """The same where only the number of lanes changes."""
 ROAD_M = 4.0
 """Shortest road between two junctions [m]."""
-SWALLOWED_M = 60.0
-"""Longer roads are never part of a junction [m]."""
-WIDEST_M = 110.0
+SWALLOWED_M, SLOW_SWALLOWED_M = 60.0, 24.0
+"""Longer roads, fast and other ones, are never part of a junction [m]."""
+WIDEST_M = 75.0
 """Largest extent of a junction's nodes [m]."""
 TURN_M = 6.45
 """Radius sought for the middle of a turning lane [m]."""
 FARTHEST_M = 40.0
 """Turns are made wider until legs end this far from their node [m]."""
-REACH_M = 130.0
-"""How far the ends of legs may lie from their node [m]."""
+REACH_M, SLOW_REACH_M = 130.0, 24.0
+"""How far the ends of legs may lie from their node, on fast and on other streets [m]."""
+SHARP_RAD = math.radians(112.0)
+"""Sharper turns make no junction larger: they are left out where they do not fit."""
+FAST_RANK = 4
+"""Rank of fast streets."""
 GAP_M = 0.6
 """Distance of the carriageways of two legs where they end [m]."""
 _FACING = math.radians(140.0)
@@ -135,7 +139,9 @@ def find_clusters(chains: Sequence[Chain], more: Mapping[tuple[int, int], float]
         changed = False
         for length, k in sorted(short):
             one = root(chains[k].nodes[0]) == root(chains[k].nodes[-1])
-            changed = ((one or length <= SWALLOWED_M) and swallow(k)) or changed
+            fast = chains[k].street.rank >= FAST_RANK
+            longest = SWALLOWED_M if fast else SLOW_SWALLOWED_M
+            changed = ((one or length <= longest) and swallow(k)) or changed
         if not changed:
             _shrink(clusters, chains)
             return clusters
@@ -191,7 +197,8 @@ def _set_back(cluster: Cluster, chains: Sequence[Chain]) -> None:
 def _apart(a: End, b: End) -> None:
     """Move both ends away until their carriageways do not meet."""
     limits = [float(shapely.LineString(e.line).length) for e in (a, b)]
-    reach = min(REACH_M, *limits)
+    fast = max(a.street.rank, b.street.rank) >= FAST_RANK
+    reach = min(REACH_M if fast else SLOW_REACH_M, *limits)
     if reach < 1.0:
         return
     s = np.arange(0.0, reach, _STEP_M)
@@ -240,7 +247,7 @@ def turn_radius(a: End, b: End) -> float:
     x1, y1, h1 = b.at(b.setback_m)
     h0 = wrap(h0 + math.pi)
     turn = wrap(h1 - h0)
-    if abs(turn) < math.radians(20.0) or abs(turn) > math.radians(150.0):
+    if abs(turn) < math.radians(20.0) or abs(turn) > SHARP_RAD:
         return 1e9
     # Distances of the left border of the lane that turns from the middles of both carriageways.
     rights = []

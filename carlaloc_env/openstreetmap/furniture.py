@@ -1,4 +1,4 @@
-"""What stands and is painted at junctions: by the nodes of the streets, else by their classes."""
+"""Lights, signs and paint of junctions: by the nodes of the streets, else by their classes."""
 
 from __future__ import annotations
 

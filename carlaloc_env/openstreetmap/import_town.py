@@ -131,7 +131,7 @@ class _Streets:
         self._houses = cKDTree(np.array(centres)) if centres else None
 
     def __call__(self, way: Way) -> Street:
-        """What a way's tags say."""
+        """The street that a way's tags describe."""
         key = (way.id, way.nodes)
         if key not in self._known:
             line = shapely.LineString(self._extract.line(way.nodes))

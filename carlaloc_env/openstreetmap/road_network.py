@@ -28,7 +28,7 @@ from carlaloc_env.authoring.geometry.newton import PlanError
 from carlaloc_env.authoring.geometry.plan_view_curves import Path, Pose, turning_bulb
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.openstreetmap.axes import between, curvatures, fit, sampled
-from carlaloc_env.openstreetmap.clusters import Cluster, End, reachable, route_inside
+from carlaloc_env.openstreetmap.clusters import SHARP_RAD, Cluster, End, reachable, route_inside
 from carlaloc_env.openstreetmap.movements import find_movements
 from carlaloc_env.openstreetmap.road_graph import Chain
 from carlaloc_env.openstreetmap.tags import Street
@@ -52,6 +52,9 @@ class Tight:
     source: End
     target: End
     radius_m: float
+    spare: bool = False
+    """Whether other turns lead out of the one leg and into the other."""
+    sharp: bool = False
     built: bool = False
 
 
@@ -262,9 +265,9 @@ def _junction(
         if least_m < LEAST_RADIUS_M:
             tight = Tight(cluster.ends[movement.source], cluster.ends[movement.target], least_m)
             network.tight.append(tight)
-            tight.built = least_m > TIGHTEST_M and not (
-                movement.source in sources and movement.target in targets
-            )
+            tight.spare = movement.source in sources and movement.target in targets
+            tight.sharp = abs(turn_angle(legs[movement.source], legs[movement.target])) > SHARP_RAD
+            tight.built = least_m > TIGHTEST_M and not tight.spare
             if not tight.built:
                 continue
         network.roads.append(_connect(movement, part, legs, line, numbers, plane))

@@ -52,9 +52,10 @@ def settle(
         for _ in range(ROUNDS):
             clusters = find_clusters(kept, more)
             network = build_network(kept, clusters, Heights(), banned, solid, memo, yellow=yellow)
-            if not network.tight:
+            narrow = [t for t in network.tight if not (t.sharp and t.spare)]
+            if not narrow:
                 break
-            for end in {(e.chain, e.side) for t in network.tight for e in (t.source, t.target)}:
+            for end in {(e.chain, e.side) for t in narrow for e in (t.source, t.target)}:
                 more[end] = min(more[end] + 3, 30)
         lost = unreachable(network)
         if not lost:

@@ -1,4 +1,4 @@
-"""What tags of a street say: lanes, widths, limits, sidewalks; and what its class says where none does."""
+"""Streets by their tags: lanes, widths, limits, sidewalks; by their class where no tag says it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _YES = ("yes", "1", "true")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Street:
-    """What one way says, in its own direction of travel."""
+    """A street by one way, in its own direction of travel."""
 
     name: str
     rank: int
@@ -47,7 +47,7 @@ class Street:
     kind: str
     """Road type of OpenDRIVE."""
     guesses: tuple[str, ...]
-    """What no tag stated, by its name."""
+    """Names of tags that are missing, so that the class decided."""
 
 
 def number(text: str | None) -> float | None:
@@ -82,7 +82,7 @@ def direction(tags: Tags) -> int:
 
 
 def read_street(way: Way, country: Country, in_town: bool, *, left: bool) -> Street:
-    """What a way's tags say, the rest guessed by its class.
+    """The street that a way's tags describe, the rest guessed by its class.
 
     Args:
         way: A way for cars, whose one-way traffic runs along its nodes.
@@ -244,7 +244,7 @@ _SURFACES = {
 
 
 def signed_nodes(extract_tags: Tags) -> str:
-    """What stands at a node: `signals`, `stop`, `give_way`, `crossing` or nothing."""
+    """Kind of sign at a node: `signals`, `stop`, `give_way`, `crossing` or nothing."""
     kind = extract_tags.get("highway", "")
     if kind == "traffic_signals":
         return "signals"

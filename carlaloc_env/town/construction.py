@@ -55,7 +55,7 @@ def build_scenery(
         config: Settings.
         seed: Number from which all that is not given is drawn.
         route_m: Points of the ego's route (N, 2) [m].
-        mapped: What stands beside the roads; None: houses and plants are invented.
+        mapped: Things beside the roads; None: houses and plants are invented.
     """
     work, out = lay_groundwork(network, config), Surfaces()
     tunnel_lamps = add_surfaces(out, network, work, seed)

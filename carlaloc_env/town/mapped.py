@@ -1,4 +1,4 @@
-"""What a town's `features.geojson` says stands beside its roads: houses, trees, rails, squares."""
+"""Things beside the roads by a town's `features.geojson`: houses, trees, rails, squares."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class MappedFeature:
     shape: Any
     """Point, line or polygon in the world [m]."""
     properties: Mapping[str, Any]
-    """What is known of it."""
+    """Its tags, and measures made of them."""
 
     def number(self, key: str, default: float) -> float:
         """A property that is a number."""

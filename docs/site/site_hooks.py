@@ -64,10 +64,15 @@ def reference(package: str) -> str:
     return "\n".join(lines)
 
 
+CITIES = ("Berlin", "Krems")
+"""Places from OpenStreetMap that the gallery shows."""
+
+
 def gallery() -> str:
-    """A page of all towns."""
-    towns = "\n".join(f"## {town}\n\n![{town}](gallery/{town}.jpg)\n" for town in TOWNS)
-    return f"# Gallery\n\n## Three weathers\n\n![All towns](gallery/weathers.jpg)\n\n{towns}"
+    """A page of all towns, and of two cities."""
+    towns = "\n".join(f"## {town}\n\n![{town}](gallery/{town}.jpg)\n" for town in (*TOWNS, *CITIES))
+    credit = "Data of the cities: © OpenStreetMap contributors, ODbL 1.0."
+    return f"# Gallery\n\n## Three weathers\n\n![All towns](gallery/weathers.jpg)\n\n{towns}\n{credit}\n"
 
 
 def run_tutorial(script: Path) -> Iterator[tuple[str, str | bytes]]:

@@ -159,6 +159,9 @@ def _strip(town: Town, spawn_points: int, width_px: int, px_per_m: float) -> U8:
     begin = end - round(bar_m * px_per_m)
     cv2.line(strip, (begin, base + 8), (end, base + 8), (255, 255, 255), 3, cv2.LINE_AA)
     cv2.putText(strip, f"{bar_m} m", (begin, base - 4), font, 0.55, (255, 255, 255), 1, cv2.LINE_AA)
+    if "OpenStreetMap" in town.config.description:
+        words = "(c) OpenStreetMap contributors"
+        cv2.putText(strip, words, (16, STRIP_PX - 5), font, 0.42, (200, 200, 200), 1, cv2.LINE_AA)
     return strip
 
 

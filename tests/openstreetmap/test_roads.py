@@ -131,11 +131,11 @@ def test_roundabouts_keep_their_island(tmp_path: Path) -> None:
 def test_one_way_streets_at_the_box_are_led_back(tmp_path: Path) -> None:
     """A pair of carriageways gets a loop at both ends; streets farther apart get a street round the town."""
     sketch = Sketch()
-    sketch.way((-300, 0), (0, 0), (300, 0), highway="primary", oneway="yes", name="East")
+    sketch.way((-300, 0), (0, 0), (110, 0), (300, 0), highway="primary", oneway="yes", name="East")
     sketch.way((300, 14), (0, 14), (-300, 14), highway="primary", oneway="yes", name="West")
     sketch.way((0, 14), (0, 0), highway="residential")
-    sketch.way((0, 0), (0, -200), highway="residential", oneway="yes", name="South")
-    sketch.way((110, -200), (110, 0), highway="residential", oneway="yes", name="North")
+    sketch.way((0, 0), (0, -100), (0, -200), highway="residential", oneway="yes", name="South")
+    sketch.way((110, -200), (110, -100), (110, 0), highway="residential", oneway="yes", name="North")
     sketch.way((0, -100), (110, -100), highway="residential")
     town, _ = made(sketch, tmp_path)
     assert town.report["built_m"] > 0.95 * town.report["streets_m"]

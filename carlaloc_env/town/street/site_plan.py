@@ -293,7 +293,7 @@ class Plots:
     bases_m: list[float]
     """Heights of the buildings' floors [m]."""
     mapped: Sequence[MappedFeature] | None = None
-    """What stands beside the roads, where that is known."""
+    """Things beside the roads, where they are known."""
     houses: Houses | None = None
     """Houses of these, in place of lots."""
 
@@ -318,7 +318,7 @@ class Plots:
 def place_plots(
     work: Groundwork, config: TownConfig, seed: int, mapped: Sequence[MappedFeature] | None = None
 ) -> Plots:
-    """Share out the ground beside the roads; what is mapped stands in place of lots and car parks."""
+    """Share out the ground beside the roads; mapped things stand in place of lots and car parks."""
     features = sites(config.features)
     reserved = shapely.union_all([_cuts(work), *(site.ground for site in features)])
     edges = road_edges(work.strips, work.roads, work.levels)
