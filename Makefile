@@ -69,4 +69,4 @@ soak: $(READY)
 	$(BIN)/python -m pytest -m soak
 
 clean:
-	rm -rf .venv .qc .foxglove .coverage out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .qc .foxglove .nuscenes .coverage out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -18,6 +18,7 @@ from carlaloc_env.weather.schedule import Weather
 if TYPE_CHECKING:
     from carlaloc_env.raycast import RayScene
     from carlaloc_env.render.renderer import SceneRenderer
+    from carlaloc_env.road.road_profile import RoughTable
 
 
 class SensorStage:
@@ -29,6 +30,7 @@ class SensorStage:
 
     def __init__(self, town: Town, *, seed: int, weather: Weather, quality: str = "medium") -> None:
         self._geo, self._lenses, self._lamps_m = town.roads.geo, town.outline.lenses, town.outline.lamps_m
+        self._roughness = None if town.roughness is None else town.roughness.table
         self._look: Callable[[], tuple[Mesh, ...]] | None = town.scenery
         self._seed = seed
         self.weather = weather
@@ -64,6 +66,11 @@ class SensorStage:
     def lenses(self) -> SignalLenses:
         """Lens discs of the traffic lights."""
         return self._lenses
+
+    @property
+    def roughness(self) -> RoughTable | None:
+        """Waves and events of the roads that their meshes lack; None: there are none."""
+        return self._roughness
 
     def renderer(self) -> SceneRenderer:
         """The renderer of this town.

@@ -40,6 +40,8 @@ from recorder.replaying.replay import replay as replay
 from recorder.report.town_preview import draw_town as draw_town
 from recorder.report.trajectory_plot import plot_trajectories as plot_trajectories
 from recorder.slam.bag_odometry import run_odometry as run_odometry
+from recorder.verification.realism import Realism as Realism
+from recorder.verification.realism import measure_realism as measure_realism
 from recorder.writers.base import Encoder as Encoder
 from recorder.writers.base import Writer as Writer
 from recorder.writers.formats.dsec import DsecEncoder as DsecEncoder

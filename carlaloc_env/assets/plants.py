@@ -221,6 +221,36 @@ def shrub(seed: int = 0, detail: str = "high", tint: LeafTint = (215, 225, 190))
     return merge([*(tube(bark, [(0, 0, 0), end], [0.03, 0.01], 4) for end in ends), body, leaves])
 
 
+def bed(seed: int = 0, length_m: float = 3.0, height_m: float = 0.9) -> Mesh:
+    """Shrubs in a row along +x from the origin, grown into one another."""
+    rng = stream(seed, "bed")
+    count, leaves = round(1.7 * length_m), round(48 * length_m)
+    x = (np.arange(count) + rng.uniform(0.25, 0.75, count)) * length_m / count
+    radii = height_m * rng.uniform(0.36, 0.56, count)
+    centres = np.stack([x, rng.uniform(-0.12, 0.12, count), 0.8 * radii], axis=-1)
+    middle = np.array([0.5 * length_m, 0.0, 0.1])
+    body = clumps(rng, centres, radii, middle, (205, 220, 185), squash=1.0, ragged=0.25)
+    owner, out = rng.integers(0, count, leaves), directions(rng, leaves)
+    out[:, 2] = np.abs(out[:, 2])
+    points = centres[owner] + out * (radii[owner] * rng.uniform(0.95, 1.25, leaves))[:, None]
+    return merge([body, leaf_triangles(rng, points, out, rng.uniform(0.11, 0.26, leaves), (205, 220, 185))])
+
+
+def climber(seed: int = 0, height_m: float = 3.2, width_m: float = 1.3) -> Mesh:
+    """Ivy on a wall in the plane of x and z, which faces −y: up to a third of a metre thick."""
+    rng = stream(seed, "climber")
+    count, size = int(1.2 * height_m * width_m / (TRIANGLE_AREA * 0.26**2)), 0.26
+    up = rng.uniform(0.0, 1.0, count)
+    # Shoots spread on their way up, and fewer get to the top.
+    centre = 0.25 * width_m * elementary.sin(5.0 * up + seed)
+    x = centre + width_m * (0.22 + 0.3 * up) * np.clip(rng.normal(0.0, 0.6, count), -1.2, 1.2)
+    thick = rng.uniform(0.0, 1.0, count)
+    y = -0.03 - 0.32 * thick * np.sqrt(thick) * (1.0 - 0.4 * up)
+    points = np.stack([x, y, height_m * up * (0.8 + 0.2 * up)], axis=-1)
+    out = np.tile([0.0, -0.95, 0.31], (count, 1))
+    return leaf_triangles(rng, points, out, np.full(count, size), (205, 220, 185), 0.7 + 0.3 * (-y / 0.35))
+
+
 def tufts(
     seed: int,
     count: int,

@@ -32,6 +32,8 @@ EGO_ROLLING_RADIUS_M = 0.311
 """Rolling radius of the ego's wheels under load [m]: distance covered per radian of a wheel's turning."""
 EGO_STEERING_RATIO = 12.0
 """Steering-wheel angle per road-wheel angle of the ego."""
+DEFAULT_RIDE = "standard"
+"""Name of the ride of drives that name none (`physics.params.RIDES`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

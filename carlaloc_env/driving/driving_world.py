@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
-from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M, Controls
+from carlaloc_env.core.ego import DEFAULT_RIDE, EGO_REAR_M, EGO_SIZE_M, Controls
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.driving.road_ahead import DriverView, RoadAhead
 from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.physics.ego import EgoCar, EgoState
+from carlaloc_env.physics.params import ride_by_name
 from carlaloc_env.physics.world import PhysicsWorld
+from carlaloc_env.road.rough_surface import STANDARD_WAVINESS
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.routing.route import Route
@@ -52,7 +54,12 @@ class DriveListener(Protocol):
 class DrivingWorld:
     """One town with the ego, other road users and signals, advanced by 200 Hz ticks."""
 
-    def __init__(self, town: Town, traffic: TrafficConfig, *, friction: float = 1.0) -> None:
+    def __init__(
+        self, town: Town, traffic: TrafficConfig, *, friction: float = 1.0, ride: str = DEFAULT_RIDE
+    ) -> None:
+        chosen, roughness = ride_by_name(ride), town.roughness
+        if roughness is not None and chosen.waviness != STANDARD_WAVINESS:
+            roughness = roughness.of_waviness(chosen.waviness)
         if town.route is None:
             raise ConfigError(f"town '{town.name}' has no route; add [route] points to its town.toml")
         self.town = town if traffic.parked_cars else without_movables(town)
@@ -63,9 +70,9 @@ class DrivingWorld:
             self.town.outline.collision_vertices_m,
             self.town.outline.collision_triangles,
             friction=friction,
-            roughness=town.roughness,
+            roughness=roughness,
         )
-        self._ego = EgoCar(self._physics)
+        self._ego = EgoCar(self._physics, chosen.vehicle)
         self._listener: DriveListener | None = None
         self._state: EgoState | None = None
 

@@ -51,7 +51,7 @@ class RayScene:
             np.round(town.bounds_m.mean(axis=0, dtype=np.float64)) if len(town.triangles) else np.zeros(3)
         )
         """Origin of the coordinates of `trace` [m], world, shape (3,)."""
-        self._static = Surface(self._o3d, _moved(town, -self.middle_m), shared=True)
+        self._static = Surface(self._o3d, _moved(town, -self.middle_m), origin_m=self.middle_m, shared=True)
         self._models: dict[tuple[int, int], Surface] = {}
         self._extents: dict[int, Array] = {}
 
@@ -105,11 +105,17 @@ class RayScene:
         rays = _packed(np.broadcast_to(origin_m - self.middle_m, directions.shape), directions)
         return self._static.trace(rays, range_max_m), self._static.normals(rays)
 
-    def cast_ego(self, origins_m: Array, directions: Array, range_max_m: float) -> Hits:
-        """First hits on the ego's own body alone, of N rays given in `base_link`."""
-        if "ego" not in self._library.names:
-            return Hits.none(len(origins_m))
-        hits = self._model(self._library.index("ego")).trace(_packed(origins_m, directions), range_max_m)
+    def cast_ego(
+        self, origins_m: Array, directions: Array, range_max_m: float, carried: Mesh | None = None
+    ) -> Hits:
+        """First hits on the ego's own body alone, and on a mesh that it carries, of N rays in `base_link`."""
+        rays, hits = _packed(origins_m, directions), Hits.none(len(origins_m))
+        if "ego" in self._library.names:
+            hits = self._model(self._library.index("ego")).trace(rays, range_max_m)
+        if carried is not None:
+            found = Surface(self._o3d, carried).trace(rays, range_max_m)
+            nearer = np.flatnonzero(found.range_m < hits.range_m)
+            hits.put(nearer, found.take(nearer))
         hits.instance[np.isfinite(hits.range_m)] = EGO_INSTANCE
         return hits
 

@@ -19,11 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import F32
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.errors import RaycastError
 from carlaloc_env.core.files.array_cache import in_shared_memory, read_only
 from carlaloc_env.core.jit import compiled
+from carlaloc_env.raycast.foliage import GAP_M, leaf_depths
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.mottle import BEAM_RAD, mottle_table, tone_at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,6 +43,8 @@ class Hits:
     """`Material` of the surface, shape (N,)."""
     cos_incidence: F32
     """Cosine between the ray and the surface normal, 0 (grazing) to 1, shape (N,)."""
+    tone: F32
+    """Reflectance there over the material's mean, about 1, shape (N,)."""
 
     def __len__(self) -> int:
         return len(self.range_m)
@@ -53,6 +58,7 @@ class Hits:
             instance=np.zeros(count, np.uint32),
             material=np.zeros(count, np.uint8),
             cos_incidence=np.zeros(count, np.float32),
+            tone=np.ones(count, np.float32),
         )
 
     def put(self, rows: NDArray[np.intp] | slice, other: Hits) -> None:
@@ -65,6 +71,10 @@ class Hits:
         return Hits(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
 
+_AHEAD_M = np.float32(0.005)
+"""Rays that have met a leaf go on from so far behind it [m]."""
+_LAYERS = 3
+"""Leaves behind one another up to which a ray is followed."""
 KEPT_FILES = 14
 """Cached files kept: a town has two, with and without parked cars."""
 
@@ -72,14 +82,19 @@ KEPT_FILES = 14
 class Surface:
     """Triangles in one frame: an Embree tree, and material, tag and instance of every triangle."""
 
-    def __init__(self, o3d: ModuleType, mesh: Mesh, *, shared: bool = False) -> None:
+    def __init__(
+        self, o3d: ModuleType, mesh: Mesh, *, origin_m: Array | None = None, shared: bool = False
+    ) -> None:
         """Build the tree.
 
         Args:
             o3d: Open3D.
             mesh: The triangles.
+            origin_m: Where the frame's origin lies in the pattern of reflectances [m], (3,); 0 if left out.
             shared: Whether what is read of them lies in a file of the cache, which processes share.
         """
+        self._origin_m = np.zeros(3) if origin_m is None else np.array(origin_m, np.float64)
+        self._mottle = mottle_table()
         self._tensor = o3d.core.Tensor.from_numpy
         self._scene: Any = o3d.t.geometry.RaycastingScene() if len(mesh.triangles) else None
         corner = mesh.triangles[:, 0]
@@ -103,7 +118,45 @@ class Surface:
         self._labels = found["tag"], found["instance"], found["material"]
 
     def trace(self, rays: F32, range_max_m: float) -> Hits:
-        """First hits of rays given as origins [m] and directions in the triangles' frame, shape (N, 6)."""
+        """First hits of rays given as origins [m] and directions in the triangles' frame, shape (N, 6).
+
+        Leaves are met behind the outside of their crown, unless something solid is nearer.
+        """
+        hits = self._outsides(rays, range_max_m)
+        rows = np.flatnonzero(hits.material == Material.LEAF)
+        if len(rows):
+            self._enter_foliage(rows, rays[rows], hits)
+        return hits
+
+    def _enter_foliage(self, rows: Index, rays: F32, hits: Hits) -> None:
+        """Put what rays of some rows, shape (M, 6), meet in the foliage whose outside they have met.
+
+        A ray ends between two surfaces of one crown, at the last one where it leaves it, or at what is solid.
+        """
+        entered_m = hits.range_m[rows]
+        depth_m, entry_m = np.empty(len(rows)), rays[:, :3] + rays[:, 3:] * entered_m[:, None]
+        leaf_depths(entry_m, self._origin_m, depth_m)
+        end_m = (entered_m + depth_m).astype(np.float32)
+        last_m, left = entered_m.copy(), np.arange(len(rows))
+        for _ in range(_LAYERS):
+            onward = rays[left].copy()
+            onward[:, :3] += onward[:, 3:] * (last_m[left, None] + _AHEAD_M)
+            found = self._outsides(onward, GAP_M)
+            found.range_m[:] += last_m[left] + _AHEAD_M
+            inside, nearer = np.isfinite(found.range_m), found.range_m < end_m[left]
+            solid = nearer & (found.material != Material.LEAF)
+            hits.put(rows[left[solid]], found.take(solid))
+            within = left[inside & ~nearer]
+            hits.range_m[rows[within]] = end_m[within]
+            more = nearer & ~solid
+            last_m[left[more]] = found.range_m[more]
+            ends = left[more | ~inside]
+            hits.range_m[rows[ends]] = last_m[ends]
+            left = left[more]
+            if not len(left):
+                return
+
+    def _outsides(self, rays: F32, range_max_m: float) -> Hits:
         if self._scene is None or len(rays) == 0:
             return Hits.none(len(rays))
         answer = self._scene.cast_rays(self._tensor(rays))
@@ -114,6 +167,7 @@ class Surface:
             instance=np.empty(count, np.uint32),
             material=np.empty(count, np.uint8),
             cos_incidence=np.empty(count, np.float32),
+            tone=np.empty(count, np.float32),
         )
         _read(
             answer["primitive_ids"].numpy(),
@@ -121,7 +175,8 @@ class Surface:
             rays,
             np.float32(range_max_m),
             self._labels,
-            (hits.range_m, hits.tag, hits.instance, hits.material, hits.cos_incidence),
+            (self._origin_m, self._mottle),
+            (hits.range_m, hits.tag, hits.instance, hits.material, hits.cos_incidence, hits.tone),
         )
         return hits
 
@@ -140,15 +195,17 @@ def _read(
     rays: F32,
     range_max_m: np.float32,
     labels: tuple[NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint8]],
-    out: tuple[F32, NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint8], F32],
+    pattern: tuple[Array, F32],
+    out: tuple[F32, NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint8], F32, F32],
 ) -> None:
     """Hits of N rays by the triangle of each, as the arrays of `Hits`."""
     corners, vertices_m = mesh
     tag, instance, material = labels
-    out_range, out_tag, out_instance, out_material, out_cosine = out
+    origin_m, mottle = pattern
+    out_range, out_tag, out_instance, out_material, out_cosine, out_tone = out
     for i in range(len(triangle)):
         t = triangle[i]
-        distance_m, cosine = np.float32(np.inf), 0.0
+        distance_m, cosine, normal = np.float32(np.inf), 0.0, (0.0, 0.0, 1.0)
         if t < len(corners):
             a, b, c = corners[t, 0], corners[t, 1], corners[t, 2]
             x, y, z = float(vertices_m[a, 0]), float(vertices_m[a, 1]), float(vertices_m[a, 2])
@@ -159,8 +216,16 @@ def _read(
             height = nx * (x - rays[i, 0]) + ny * (y - rays[i, 1]) + nz * (z - rays[i, 2])
             if facing != 0.0:
                 distance_m = np.float32(height / facing)
-                cosine = abs(facing) / math.sqrt(nx * nx + ny * ny + nz * nz)
+                size = math.sqrt(nx * nx + ny * ny + nz * nz)
+                cosine, normal = abs(facing) / size, (nx / size, ny / size, nz / size)
+        out_tone[i] = 1.0
         if distance_m <= range_max_m:
+            fine, dirt = mottle[material[t], 0], mottle[material[t], 1]
+            if fine > 0.0:
+                x = origin_m[0] + rays[i, 0] + float(distance_m) * rays[i, 3]
+                y = origin_m[1] + rays[i, 1] + float(distance_m) * rays[i, 4]
+                z = origin_m[2] + rays[i, 2] + float(distance_m) * rays[i, 5]
+                out_tone[i] = tone_at(x, y, z, normal, BEAM_RAD * float(distance_m), fine, dirt)
             out_range[i], out_cosine[i] = distance_m, min(cosine, 1.0)
             out_tag[i], out_instance[i], out_material[i] = tag[t], instance[t], material[t]
         else:

@@ -4,7 +4,7 @@ The paper does not print heights. Here the IMU lies in the cabin 1.5 m ahead of 
 cameras stand above the windscreen so that the bonnet shows at the bottom of the picture, and the
 LiDAR stands 0.4 m above the roof, whose shadow hides the ground near the car.
 
-A common industrial camera by its data sheet: Balluff BVS CA-SF2-0016Z with Sony's IMX273.
+A common industrial colour camera by its data sheet: Balluff BVS CA-SF2-0016Z with Sony's IMX273.
 
 The sheet (Technical Documentation BVS CA-SF, "mvBlueFOX3-2016", assets.balluff.com) gives, measured
 after EMVA 1288: global shutter, pixels of 3.45 µm, 12 bits, SNR_max 40.2 dB, dynamic range 71.4 dB.
@@ -13,6 +13,7 @@ after EMVA 1288: global shutter, pixels of 3.45 µm, 12 bits, SNR_max 40.2 dB, d
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
@@ -52,6 +53,9 @@ def industrial_imager() -> ImagerConfig:
         full_well_e=round(saturation_capacity_e()),
         read_noise_e=round(temporal_dark_noise_e(), 2),
         adc_bits=ADC_BITS,
+        bayer=True,
+        # The pixel's area (√1/12), and a lens at half of its contrast at 0.5 cycles/px (0.37).
+        lens_blur_px=0.47,
         # The same lens and quantum efficiency over larger pixels than the default's 3 µm.
         electrons_per_cd_m2_s=round(plain.electrons_per_cd_m2_s * (PIXEL_UM / 3.0) ** 2),
     )
@@ -93,14 +97,14 @@ def flu_rig() -> SensorRig:
 
 
 def real_rig() -> SensorRig:
-    """The rig `flu` with industrial cameras: noise, exposure control, motion blur and a wide-angle lens."""
-    sensors = tuple(
-        replace(config, imager=industrial_imager(), shutter=industrial_shutter(), lens=wide_angle_lens())
-        if isinstance(config, CameraConfig)
-        else config
-        for config in flu_rig().sensors
-    )
-    return SensorRig(name="real", sensors=sensors)
+    """The rig `flu` with industrial cameras, the LiDAR's receiver and a second IMU of KITTI's grade."""
+    imaging = {"imager": industrial_imager(), "shutter": industrial_shutter(), "lens": wide_angle_lens()}
+    changes: dict[str, dict[str, Any]] = {
+        "camera": imaging,
+        "lidar": LidarConfig.preset_values("hdl32e_road"),
+    }
+    sensors = tuple(replace(config, **changes.get(config.kind, {})) for config in flu_rig().sensors)
+    return SensorRig(name="real", sensors=(*sensors, _kitti_imu()))
 
 
 def minimal_rig() -> SensorRig:
@@ -151,13 +155,15 @@ RIGS = {
 RIG_USES = {
     "paper": "to compare with the paper's results",
     "flu": "most SLAM systems: axes and LiDAR that they know",
-    "real": "visual SLAM as on a real car: noise, blur, lens",
+    "real": "SLAM as on a real car: noise, blur, lens, lost echoes",
     "minimal": "a first look",
     "lidar": "LiDAR SLAM and small files, without OpenGL",
     "state": "agents and drives without cameras and LiDAR",
     "dsec": "event cameras",
 }
 """The use of each named rig."""
+RIG_RIDES = {"real": "real"}
+"""Rides (`physics.params.RIDES`) with which drives are recorded for datasets of a rig."""
 
 
 def rig_by_name(rig: str | Path) -> SensorRig:
@@ -180,6 +186,12 @@ def _mount(forward_m: float, height_m: float, axes: str = "flu", left_m: float =
 
 def _imu(axes: str) -> ImuConfig:
     return ImuConfig(mount=_mount(0.0, IMU_Z_M, axes))
+
+
+def _kitti_imu() -> ImuConfig:
+    """An OXTS RT3003 at the place of KITTI's (calib_imu_to_velo.txt, and the figure of its car)."""
+    place = Mount(position_m=(-0.05, 0.32, 0.93))
+    return ImuConfig(name="oxts", mount=place, rate_hz=100.0, **ImuConfig.preset_values("rt3003"))
 
 
 def _gnss() -> GnssConfig:

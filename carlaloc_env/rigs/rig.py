@@ -296,7 +296,8 @@ def _sensor_bytes(config: Any, quality: str, weathers: int) -> int:
         pixel += EVENT_PIXEL_BYTES * weathers if "events" in config.outputs else 0
         return int(config.pinhole.width_px * config.pinhole.height_px * pixel)
     if config.kind == "lidar":
-        return int(config.rays * RAY_BYTES * (RAYS_PER_WIDE_BEAM if config.divergence_mrad > 0 else 1))
+        rays = RAYS_PER_WIDE_BEAM if config.divergence_mrad > 0 else 2 if config.receiver else 1
+        return int(config.rays * RAY_BYTES * rays)
     if config.kind == "radar":
         return int(config.columns * config.rows * RAY_BYTES)
     return 0

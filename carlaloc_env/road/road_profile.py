@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.road.rough_surface import (
+    STANDARD_WAVINESS,
     EventTable,
     RoughSurface,
     WaveTable,
@@ -127,9 +128,18 @@ class Roughness:
         seed: Number from which the waves are drawn.
         level: How rough roads are.
         events: Covers, repairs and joints, columns of `road_events`, shape (N, 7); None: none.
+        waviness: How fast the waves' spectrum falls; at 10 m it meets the relief's.
     """
 
-    def __init__(self, seed: int, level: LevelGrid, events: Array | None = None) -> None:
+    def __init__(
+        self,
+        seed: int,
+        level: LevelGrid,
+        events: Array | None = None,
+        *,
+        waviness: float = STANDARD_WAVINESS,
+    ) -> None:
+        self._seed, self._level, self._events = seed, level, events
         surface = RoughSurface(
             seed,
             "road/roughness",
@@ -137,10 +147,15 @@ class Roughness:
             spacing_m=0.1,
             size=1024,
             blur_m=FOOTPRINT_M / math.sqrt(12.0),
+            waviness=waviness,
         )
         found = event_table(no_events() if events is None else events, FOOTPRINT_M)
         self.table = RoughTable(level.table, surface.table, found)
         """The same for compiled functions."""
+
+    def of_waviness(self, waviness: float) -> Roughness:
+        """The same roads with another spectrum of the waves."""
+        return Roughness(self._seed, self._level, self._events, waviness=waviness)
 
     def height(self, x_m: float, y_m: float) -> float:
         """Height under a tyre at one place of the world [m]."""

@@ -1,9 +1,9 @@
 """Random surfaces with the spectrum of ISO 8608, the same in every direction.
 
-A profile along any straight line has the one-sided spectrum G_d(n) = G_d(n₀)·(n/n₀)⁻²; profiles of
-two parallel tracks a distance B apart have the coherence 2πBn·K₁(2πBn) (Dodds and Robson, "The
-description of road surface roughness", J. Sound Vib. 31, 1973; Kamash and Robson, "The application
-of isotropy in road surface modelling", J. Sound Vib. 57, 1978).
+A profile along any straight line has the one-sided spectrum G_d(n) = G_d(n₀)·(n/n₀)⁻ʷ with the waviness w,
+2 as a rule. Two parallel tracks a distance B apart have the coherence 2·(x/2)ᵛ·Kᵥ(x)/Γ(v), x = 2πBn, v = w/2
+(Dodds and Robson, "The description of road surface roughness", J. Sound Vib. 31, 1973; Kamash and Robson,
+"The application of isotropy in road surface modelling", J. Sound Vib. 57, 1978).
 
 Events in a road's surface that wheels feel: covers, repairs, and joints across lanes and at bridges.
 """
@@ -25,6 +25,8 @@ REFERENCE_CPM = 0.1
 """Spatial frequency n₀ at which classes are defined [cycles/m]."""
 UNIT_M3 = 1e-6
 """G_d(n₀) of a surface of level 1 [m³]."""
+STANDARD_WAVINESS = 2.0
+"""Waviness of the classes of ISO 8608."""
 _TURN = (1.0 + math.sqrt(5.0)) / 2.0
 """Slope of the lattice against east: by the golden mean straight roads hardly meet their own past."""
 _GRAIN_M = 2.0**-30
@@ -60,6 +62,7 @@ class RoughSurface:
         spacing_m: Distance of its lattice's points, at most a third of the shortest wave [m].
         size: Points along each side of its period.
         blur_m: Standard deviation of the footprint over which heights are averaged [m].
+        waviness: How fast the spectrum falls, w.
     """
 
     def __init__(
@@ -71,6 +74,7 @@ class RoughSurface:
         spacing_m: float,
         size: int,
         blur_m: float = 0.0,
+        waviness: float = STANDARD_WAVINESS,
     ) -> None:
         n: Array = np.fft.fftfreq(size, spacing_m).astype(np.float64)
         east, north = n[:, None], n[None, : size // 2 + 1]
@@ -78,6 +82,11 @@ class RoughSurface:
         inside = (radius >= waves_cpm[0]) & (radius < waves_cpm[1])
         # A two-sided density K·ρ⁻³ in the plane integrates to 4K·n⁻² along a line.
         density = 0.25 * UNIT_M3 * REFERENCE_CPM**2 / np.where(inside, radius**2 * radius, 1.0)
+        if waviness != STANDARD_WAVINESS:
+            # K·ρ⁻⁽ʷ⁺¹⁾ integrates to 2K·√π·Γ(w/2)/Γ((w+1)/2)·n⁻ʷ.
+            line = math.sqrt(math.pi) * math.gamma(0.5 * waviness) / math.gamma(0.5 * waviness + 0.5)
+            steeper = np.where(inside, radius / REFERENCE_CPM, 1.0) ** (STANDARD_WAVINESS - waviness)
+            density = density * steeper * 2.0 / line
         gain: Array = np.where(inside, np.sqrt(density), 0.0) / spacing_m
         gain *= elementary.exp(-2.0 * (math.pi * blur_m * radius) ** 2)
         gain /= _knot_gain(east * spacing_m) * _knot_gain(north * spacing_m)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from carlaloc_env.raycast import RayScene
     from carlaloc_env.render.renderer import SceneRenderer
+    from carlaloc_env.road.road_profile import RoughTable
     from carlaloc_env.scene.materials import SignalLenses
     from carlaloc_env.scene.mesh import ModelLibrary
     from carlaloc_env.weather.parameters import WeatherParameters
@@ -125,6 +126,10 @@ class World(Protocol):
     @property
     def lenses(self) -> SignalLenses:
         """Lens discs of the traffic lights."""
+
+    @property
+    def roughness(self) -> RoughTable | None:
+        """Waves and events of the roads that their meshes lack; None: there are none."""
 
     def renderer(self) -> SceneRenderer:
         """The renderer of this town, made when first asked for."""

@@ -49,6 +49,10 @@ class ImagerConfig:
     """Exponent of the tone curve; 1 = linear."""
     vignetting: float = 0.3
     """Light lost at the farthest corner, as a share; it grows with the square of the distance."""
+    lens_blur_px: float = 0.0
+    """Deviation of the blur by lens and pixel area [px]; 0 = pixels see what lies at their middle."""
+    bayer: bool = False
+    """Whether each pixel sees one colour, in squares of RGGB, and the others are filled in from beside it."""
     restart_s: float = 5.0
     """The control begins anew, settled, at multiples of this time [s]."""
 
@@ -59,7 +63,9 @@ class ImagerConfig:
             ranges = "target must lie between 0 and 1, adc_bits from 8 to 16, vignetting from 0 to 1"
             raise ConfigError(f"imager: {ranges}")
         positive = (self.reaction_s, self.electrons_per_cd_m2_s, self.full_well_e, self.gamma, self.restart_s)
-        noises = (self.gain_max_db, self.read_noise_e, self.dark_signal_e, self.response)
+        noises = (
+            self.gain_max_db, self.read_noise_e, self.dark_signal_e, self.response, self.lens_blur_px
+        )  # fmt: skip
         if min(positive) <= 0 or min(noises) < 0:
             raise ConfigError("imager: sizes and times must be above zero, noise and gain not below")
 

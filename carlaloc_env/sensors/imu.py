@@ -54,6 +54,20 @@ IMU_GRADES: dict[str, dict[str, float]] = {
         "accel_range_mps2": 16.0 * _G,
         "gyro_range_radps": 2000.0 * _DPS,
     },
+    "rt3003": {
+        "accel_noise_density": 0.005 / 60,
+        "gyro_noise_density": 0.2 / 60 * _DPS,
+        "accel_random_walk": 1.0e-6,
+        "gyro_random_walk": 3.0e-7,
+        "accel_bias_instability": 2e-6 * _G,
+        "gyro_bias_instability": 2.0 / 3600 * _DPS,
+        "accel_turn_on_bias": 0.010,
+        "gyro_turn_on_bias": 0.01 * _DPS,
+        "scale_error": 0.001,
+        "misalignment_rad": 0.05 * _DPS,
+        "accel_range_mps2": 100.0,
+        "gyro_range_radps": 100.0 * _DPS,
+    },
     "tactical": {
         "accel_noise_density": 0.008 / 60,
         "gyro_noise_density": 0.09 / 60 * _DPS,
@@ -71,7 +85,8 @@ IMU_GRADES: dict[str, dict[str, float]] = {
 }
 """Grades of IMUs. Densities and walks of the ADIS16448 are EuRoC's (imu0/sensor.yaml), its further
 figures those of its data sheet; ``consumer`` follows the MPU-9250's and ``tactical`` the ADIS16490's
-data sheet, their walks, and the scale and mounting errors left after calibration, are ours."""
+data sheet, ``rt3003`` OXTS's of the RT3000 family, one of which drove KITTI. Their walks, and the scale and
+mounting errors left after calibration, are ours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +94,7 @@ class ImuConfig(SensorConfig):
     """An IMU in Kalibr's convention: continuous-time densities, not per-sample deviations.
 
     The defaults are the CARLA-Loc paper's, which are those of EuRoC's ADIS16448 rounded; all other
-    errors are off. Grades: ``preset: adis16448``, ``consumer`` or ``tactical``.
+    errors are off. Grades: ``preset: adis16448``, ``consumer``, ``tactical`` or ``rt3003``.
     """
 
     kind: ClassVar[str] = "imu"

@@ -36,6 +36,75 @@ OUTPUTS = ("cloud", "semantic")
 """Streams that a LiDAR can give."""
 
 
+OWN_ROOF_M, OWN_CAR_M = 2.0, 3.0
+"""Distances within which a LiDAR on the roof may see the car: roof and rack, bonnet and boot as well [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceiverConfig:
+    """How a LiDAR makes measurements of echoes; the defaults are those of the Velodyne HDL-32E.
+
+    Manual: the HDL-32E's user manual (63-9113), and "HDL32E Software Version 2.0 Description" (2012).
+    """
+
+    reach_m: float = 60.0
+    """Distance to which a surface of 10 % reflectance is seen face on [m].
+
+    Data sheet of the HDL-64E, whose lasers are of the same kind: 50 m for pavement of 10 %. A car's LiDAR
+    sees it at a slant that costs a third of the amplitude; face on it would be seen to 60 m."""
+    focus_m: float = 4.0
+    """Distance below which ever less of an echo falls on the detector [m]; intensities show it.
+
+    The share 1 − exp(−(R/focus_m)²) is that of Fang et al., "Intensity correction of terrestrial laser
+    scanning data by estimating laser transmission function" (2015). Roads in nuScenes' scans (Caesar
+    et al. 2020) are half as bright at 3 to 4.5 m as at 6 to 8 m; here they are 0.6 times as bright."""
+    pulse_m: float = 0.25
+    """Standard deviation of the pulse along the ray, there and back [m]: Velodyne's 4 ns at half power."""
+    weak_noise_m: float = 0.02
+    """Deviation of ranges of the weakest echoes that are seen [m], the data sheet's accuracy.
+
+    It falls as 1/amplitude: the Cramér–Rao bound of a pulse's time in noise (Kay, "Fundamentals of
+    statistical signal processing", 1993, example 3.13)."""
+    noise_amplitude: float = 0.12
+    """Deviation of the receiver's noise over the weakest echo that is seen, 0.12 = an eighth."""
+    laser_offset_m: float = 0.007
+    """Deviation of the lasers' constant range errors [m], which no calibration file names.
+
+    7 mm were measured in public scans of a building by an HDL-32E (Koide), the same 0.4 s later. Chan and
+    Lichti, "Automatic in situ calibration of a spinning beam LiDAR system" (Remote Sensing 7, 2015), estimate
+    such errors."""
+    laser_gain: float = 2e-4
+    """Deviation of the lasers' errors in proportion to the range, 2e-4 = 2 mm in 10 m."""
+    range_quantum_m: float = 0.002
+    """Step of the ranges [m], 0.002 = manual; 0: none."""
+    whole_intensity: bool = True
+    """Whether intensities are whole numbers: 0–100 diffuse, 101–255 retro-reflectors (manual)."""
+    power_levels: int = 11
+    """Powers of a laser, each half of the one before, of which its last echo decides; 1: always the full one.
+
+    "One of 11 laser powers that the sensor has dynamically chosen based on best signal to noise ratio on the
+    detector for the previous shot from that laser" (Software Version 2.0 Description)."""
+    full_scale: float = 10.6
+    """Largest amplitude that is converted, over the weakest that is seen.
+
+    255/24: of 8 bits, with 24 as the default threshold of noise in the manual of the HDL-64E S3."""
+    beam_mrad: tuple[float, float] = (3.0, 1.5)
+    """Width of the beam along the scan and across it [mrad]; manual of the VLS-128, whose beams are such."""
+    edge_rays: int = 4
+    """Rays besides the middle one of a beam whose neighbours lie elsewhere, so that edges mix; 0: none."""
+    relief: bool = True
+    """Whether the ground's grains and its waves shorter than 10 m, which wheels feel, show in ranges."""
+
+    def __post_init__(self) -> None:
+        if min(self.reach_m, self.focus_m, self.pulse_m, self.full_scale, *self.beam_mrad) <= 0:
+            raise ConfigError("receiver: reach_m, focus_m, pulse_m, full_scale, beam_mrad must be above 0")
+        sizes = (self.weak_noise_m, self.laser_offset_m, self.laser_gain, self.range_quantum_m)
+        if min(*sizes, self.noise_amplitude, self.edge_rays) < 0 or not 1 <= self.power_levels <= 32:
+            raise ConfigError("receiver: errors and edge_rays must be ≥ 0, power_levels 1 to 32")
+        if self.edge_rays > 16:
+            raise ConfigError(f"receiver: edge_rays is {self.edge_rays}; give 0 to 16")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidarConfig(SensorConfig):
     """A spinning LiDAR; the defaults are the CARLA-Loc paper's.
@@ -53,6 +122,19 @@ class LidarConfig(SensorConfig):
             "elevation_offset_deg": 0.02,
             "firing_ns": HDL32E_FIRING_NS,
             "columns": 1085,
+        },
+        "hdl32e_road": {
+            "elevations_deg": HDL32E_ELEVATIONS_DEG,
+            "elevation_offset_deg": 0.02,
+            "firing_ns": HDL32E_FIRING_NS,
+            "columns": 1085,
+            "range_min_m": 0.3,
+            "range_max_m": 100.0,
+            "range_noise_m": 0.0025,
+            "attenuation_per_m": 0.0,
+            "ego_returns": True,
+            "roof_rack": True,
+            "receiver": ReceiverConfig(),
         },
     }
 
@@ -94,6 +176,10 @@ class LidarConfig(SensorConfig):
     """Whether fog, rain, spray and wet ground have effect; weak returns are dropped then."""
     ego_returns: bool = False
     """Whether hits on the ego's own body are reported; they always throw a shadow."""
+    roof_rack: bool = False
+    """Whether a rack with the housings of other sensors stands on the roof, which LiDARs alone see."""
+    receiver: ReceiverConfig | None = None
+    """Echoes as a real sensor measures them; None: as CARLA does, with noise that is the same everywhere."""
     outputs: tuple[str, ...] = OUTPUTS
     """Streams: ``cloud`` (named as the sensor) and ``semantic`` (with ``_semantic`` behind)."""
     tag_table: str = TAG_TABLES[0]
@@ -143,6 +229,12 @@ class LidarConfig(SensorConfig):
         if "firing_ns" not in values:
             found["firing_ns"] = ()  # those of another number of beams
         return found
+
+    @property
+    def near_m(self) -> float:
+        """Distance from which returns are not of the car itself [m]; systems use those alone."""
+        car_m = OWN_CAR_M if self.ego_returns else OWN_ROOF_M
+        return car_m if self.range_min_m < car_m < self.range_max_m else self.range_min_m
 
     @property
     def sweep_ns(self) -> int:

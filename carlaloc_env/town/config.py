@@ -108,7 +108,8 @@ class SignalTiming:
     green_s: float = 18.0
     """Green of each phase [s]."""
     main_green_s: float | None = None
-    """Green of phases that let main streets pass, those of the route [s]; None: like `green_s`."""
+    """Least green of phases that let main streets pass, those of the route [s]; None: like `green_s`. The
+    junctions of the route share a cycle, and these phases get the time that it leaves."""
     left_green_s: float = 7.0
     """Green of phases that hold protected left turns alone, at most `green_s` [s]; in left-hand traffic right
     turns."""
@@ -118,8 +119,9 @@ class SignalTiming:
     """Red for everybody between two phases [s]."""
     offset_s: float = 0.0
     """How much later the cycles of all junctions begin [s]."""
-    green_wave: bool = True
-    """Whether the cycles along the route form a green wave for a car that sets out at time 0."""
+    green_wave: bool = False
+    """Whether the progression of the main streets begins with the drive, as a green wave for the ego; else
+    each seed begins at another second of the cycle."""
 
     def __post_init__(self) -> None:
         _check_positive("green_s", self.green_s, "s")

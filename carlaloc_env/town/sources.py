@@ -36,7 +36,7 @@ class TownId:
     toml: Path | None
     """Its settings, if it has some."""
     features: Path | None = None
-    """Its features, if they are known."""
+    """Things beside its roads, if they are known."""
 
 
 def find_town(name: str) -> Path:
@@ -78,8 +78,9 @@ def identify_town(name_or_path: str | Path) -> TownId:
     mapped = source.with_name(FEATURES)
     features = mapped if source.name == "town.xodr" and mapped.is_file() else None
     try:
-        parts = [source.read_bytes(), toml.read_bytes() if toml is not None else b""]
-        parts += [features.read_bytes()] if features is not None else []
+        parts = [source.read_bytes(), b"" if toml is None else toml.read_bytes()]
+        if features is not None:
+            parts.append(features.read_bytes())
     except OSError as error:
         raise MapError(f"cannot read {error.filename}: {error.strerror}; give another map") from error
     return TownId(

@@ -6,7 +6,7 @@ How much traffic there is and how it behaves; names after CARLA's Traffic Manage
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -97,8 +97,12 @@ class TrafficConfig:
         )
 
 
-_OPTIONS = tuple(item.name for item in fields(TrafficConfig) if item.name not in ("seed", "timing"))
+_OPTIONS = (
+    *(item.name for item in fields(TrafficConfig) if item.name not in ("seed", "timing")), "green_wave"
+)  # fmt: skip
 """Options of traffic that users may give beside its level."""
+_HOUR_S = 3600.0
+"""A drive without a green wave begins at any second of an hour [s]."""
 
 
 def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: int) -> TrafficConfig:
@@ -121,12 +125,17 @@ def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: in
         if name not in _OPTIONS:
             raise ConfigError(unknown_name("traffic option", name, _OPTIONS))
     vehicles, walkers = traffic_counts(town.network, town.config.traffic)
+    timing = town.config.signals
+    timing = replace(timing, green_wave=bool(options.pop("green_wave", timing.green_wave)))
+    if not timing.green_wave:
+        begins_s = _HOUR_S * float(clock.stream(seed, "traffic/lights").uniform())
+        timing = replace(timing, offset_s=timing.offset_s + begins_s)
     settings: dict[str, Any] = {
         "vehicles": round(fraction * vehicles),
         "walkers": round(fraction * walkers),
         "seed": seed,
         "parked_cars": level != "empty",
-        "timing": town.config.signals,
+        "timing": timing,
     }
     return TrafficConfig(**(settings | options))
 

@@ -2,7 +2,10 @@
 
 Stop lines of a route: where its driver has to obey lights, and when a car comes there.
 
-Green waves: when the cycles along a route begin, so that cars which set out with the drive wait least.
+Coordination, as on a town's main streets ("Signal Timing Manual", 2nd edition, NCHRP report 812, chapter 7):
+the junctions of the route share a cycle, that of the junction which needs the longest. Time that others have
+left is green of their main streets. From one green to the next passes the time that a platoon travels, in the
+direction of the rush hour, the route's.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -23,98 +26,11 @@ from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.tables.conflict_zones import TURN_RAD
 from carlaloc_env.traffic.tables.lane_reachability import MAIN_STREET_DEMAND, lane_demand
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.record_arrays import Flags
 
 DEPARTURE_S = 3.0
 """When a drive gets going: it begins with two seconds of rest [s]."""
-PACES = (0.72, 0.77, 0.82, 0.87, 0.92)
-"""Speeds of cars over what limits and bends allow: from dense traffic to a free street."""
-_QUEUE_S = 6.0
-"""How long after the beginning of green the queue before a car has left [s]."""
-_OFF_MIDDLE = 0.05
-"""Weight of a second that a car passes before or after the middle of a green against one that it waits."""
-_STEP_S = 0.25
-"""Step in which the beginning of a cycle is looked for [s]."""
-_SWEEPS = 3
-"""How often each junction is looked at again, once the others have found theirs."""
-
-
-class Passings(NamedTuple):
-    """Passings of stop lines with lights along a route, in their order, L of them."""
-
-    travel_s: Array
-    """Time from the start at a pace of 1 [s], (L,)."""
-    junction: Index
-    """Number of the junction, from 0, (L,)."""
-    green_begins_s: Array
-    """When the green begins in the junction's cycle [s], (L,)."""
-    green_s: Array
-    """How long it lasts [s], (L,)."""
-    cycle_s: Array
-    """The junction's cycle [s], (L,)."""
-
-    def rows(self, chosen: Flags) -> Passings:
-        """Some of the passings, by flags (L,)."""
-        return Passings(**{name: column[chosen] for name, column in self._asdict().items()})
-
-
-def wave_begins_s(passings: Passings, begins_s: Array) -> Array:
-    """Beginnings of the cycles of J junctions with which cars of all `PACES` wait least [s], (J,).
-
-    Junctions are gone over in the order of the route, each with the others held (coordinate descent): a car
-    that waits at one light comes later to the next. At first, lights not yet gone over are open.
-
-    Args:
-        passings: Passings of stop lines.
-        begins_s: Beginnings for junctions that are not passed [s], (J,).
-    """
-    begins_s = begins_s.copy()
-    counts = np.zeros(len(passings.junction), bool)
-    for _ in range(_SWEEPS):
-        for junction in dict.fromkeys(passings.junction.tolist()):
-            counts |= passings.junction == junction
-            cycle_s = float(passings.cycle_s[passings.junction == junction][0])
-            candidate_s = np.arange(0.0, cycle_s, _STEP_S)
-            trial = np.repeat(begins_s[:, None], len(candidate_s), axis=1)
-            trial[junction] = candidate_s
-            begins_s[junction] = candidate_s[np.argmin(_cost_s(passings.rows(counts), trial))]
-    return begins_s
-
-
-def _cost_s(passings: Passings, begins_s: Array) -> Array:
-    """What cars lose at all lights for C trials of beginnings [s], (J, C) → (C,)."""
-    waits, off_middle = drive_along(passings, begins_s)
-    total: Array = (waits + _OFF_MIDDLE * off_middle).sum(axis=(0, 1))
-    return total
-
-
-def drive_along(passings: Passings, begins_s: Array) -> tuple[Array, Array]:
-    """Waits of cars of each of `PACES` at L lights; how far from the middle of the green the others pass.
-
-    Args:
-        passings: Passings of stop lines.
-        begins_s: C trials of the beginnings of the cycles [s], (J, C).
-
-    Returns:
-        Both in seconds, (L, P, C).
-    """
-    pace = np.array(PACES)[:, None]
-    time_s = np.full((len(pace), begins_s.shape[1]), DEPARTURE_S)
-    waits, off_middle = [], []
-    before_s = 0.0
-    for row, travel_s in enumerate(passings.travel_s.tolist()):
-        time_s = time_s + (travel_s - before_s) / pace
-        before_s = travel_s
-        begin_s = begins_s[passings.junction[row]] + passings.green_begins_s[row]
-        green_s, cycle_s = passings.green_s[row], passings.cycle_s[row]
-        into_s = np.mod(time_s - begin_s, cycle_s)
-        leaves_s = np.where(into_s < green_s, np.maximum(into_s, _QUEUE_S), cycle_s + _QUEUE_S)
-        off_middle.append(np.where(into_s < green_s, np.abs(into_s - 0.5 * green_s), 0.0))
-        waits.append(leaves_s - into_s)
-        time_s = time_s + waits[-1]
-    return np.array(waits), np.array(off_middle)
-
-
+PACE = 0.82
+"""Speed of progression over what limits and bends allow: that of vehicles in a platoon."""
 _LATERAL_MPS2 = 2.4
 """Lateral acceleration that a driver accepts in bends [m/s²]."""
 _SPEED_UP_MPS2 = 1.5
@@ -194,8 +110,8 @@ class SignalPlan:
 
     Heads of one controller show the same; controllers of a junction with the same sequence number
     are green together; phases follow each other in the order of that number. Heads without a
-    controller form one phase per direction of approach. Cycles along a route form a green wave for a car
-    that sets out at time 0.
+    controller form one phase per direction of approach. Junctions along a route are coordinated. Their cycles
+    begin whenever the town has it; with `green_wave`, so that a car that sets out at time 0 meets green.
     """
 
     def __init__(
@@ -223,36 +139,50 @@ class SignalPlan:
         Args:
             network: The lanes.
             timing: Durations; the usual ones when left out.
-            route: Route of the green wave, if `timing` wants one; None for none.
+            route: Route whose streets are the main ones; None for none.
             demand: Demand for each lane along this route, (N,); worked out when left out.
         """
         timing = timing or SignalTiming()
         lines = StopLines(np.zeros(0), []) if route is None else stop_lines(network, route)
-        passed = {heads[0] for heads in lines.heads}
-        main = passed if route is None else passed | _main_heads(network, route, demand)
-        count = len(network.signals)
-        start, green = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        cycle = np.ones(count, np.int64)
-        offset_ns = np.zeros(count, np.int64)
-        groups: dict[str, list[int]] = defaultdict(list)
-        for index, head in enumerate(network.signals):
-            groups[head.junction_id or f"signal {head.id}"].append(index)
-        for junction, heads in groups.items():
-            phases = _phases(network, heads)
-            durations = _green_durations(network, heads, phases, timing, main)
-            clear_s = timing.yellow_s + timing.all_red_s
+        passed = [heads[0] for heads in lines.heads]
+        main = set(passed) if route is None else {*passed, *_main_heads(network, route, demand)}
+        junction_of = [head.junction_id or f"signal {head.id}" for head in network.signals]
+        junctions: dict[str, list[int]] = defaultdict(list)
+        for index, junction in enumerate(junction_of):
+            junctions[junction].append(index)
+        coordinated = {junction_of[head] for head in passed}
+        phases = {junction: _phases(network, heads) for junction, heads in junctions.items()}
+        greens_s = {j: _green_durations(network, h, phases[j], timing, main) for j, h in junctions.items()}
+        clear_s = timing.yellow_s + timing.all_red_s
+        common_s = max((sum(greens_s[j]) + clear_s * len(greens_s[j]) for j in coordinated), default=0.0)
+        start, green, cycle, offset_ns = np.zeros((4, len(network.signals)), np.int64)
+        for junction, heads in junctions.items():
+            durations = greens_s[junction]
+            if junction in coordinated:
+                streets = {phase for head, phase in zip(heads, phases[junction], strict=True) if head in main}
+                spare_s = common_s - sum(durations) - clear_s * len(durations)
+                for phase in streets:
+                    durations[phase] += spare_s / len(streets)
             begins = np.cumsum([0.0, *(duration + clear_s for duration in durations)])
-            total = round(float(begins[-1]) * 1e9)
             digest = int.from_bytes(hashlib.blake2b(junction.encode(), digest_size=4).digest(), "big")
-            for index, phase in zip(heads, phases, strict=True):
-                cycle[index], green[index] = total, round(durations[phase] * 1e9)
-                start[index] = round(float(begins[phase]) * 1e9)
-                offset_ns[index] = digest % 1000 * total // 1000
-        if route is not None and timing.green_wave and passed:
-            travel_s = travel_times_s(route, lines.s_m)
-            _join_wave(lines, travel_s, list(groups.values()), start, green, cycle, offset_ns)
+            cycle[heads] = round(float(begins[-1]) * 1e9)
+            offset_ns[heads] = digest % 1000 * cycle[heads] // 1000
+            for index, phase in zip(heads, phases[junction], strict=True):
+                start[index], green[index] = round(float(begins[phase]) * 1e9), round(durations[phase] * 1e9)
+        if route is not None and passed:
+            town_ns = 0 if timing.green_wave else int(offset_ns[passed[0]])
+            arrives_s = DEPARTURE_S + travel_times_s(route, lines.s_m) / PACE
+            # Where the route comes twice, the first time counts.
+            for head, arrive_s in zip(passed[::-1], arrives_s[::-1].tolist(), strict=True):
+                middle_ns = int(start[head] + green[head] // 2)
+                offset_ns[junctions[junction_of[head]]] = town_ns + round(arrive_s * 1e9) - middle_ns
         start += offset_ns + round(timing.offset_s * 1e9)
         return cls(start, green, cycle, timing.yellow_s)
+
+    def later(self, offset_s: float) -> SignalPlan:
+        """The same plan, begun so much later [s]."""
+        start_ns = self._start_ns + round(offset_s * 1e9)
+        return SignalPlan(start_ns, self._green_ns, self._cycle_ns, self._yellow_ns / 1e9)
 
     def at(self, stamp_ns: int) -> SignalsNow:
         """What every head shows at a time [ns], and when it changes."""
@@ -288,38 +218,6 @@ def _put_signals(
         state[head] = _GREEN if green else _YELLOW if into < closed else _RED
         until_green_s[head] = 0.0 if green else (cycle_ns[head] - into) / 1e9
         until_red_s[head] = max(closed - into, 0) / 1e9
-
-
-def _join_wave(
-    lines: StopLines,
-    travel_s: NDArray[np.float64],
-    groups: list[list[int]],
-    start_ns: NDArray[np.int64],
-    green_ns: NDArray[np.int64],
-    cycle_ns: NDArray[np.int64],
-    offset_ns: NDArray[np.int64],
-) -> None:
-    """Write the offsets of the green wave into the junctions that a route passes, (S,).
-
-    Args:
-        lines: Stop lines of the route.
-        travel_s: Time to each at a pace of 1 [s].
-        groups: Heads of each junction.
-        start_ns: When the green of each head begins in its junction's cycle [ns], (S,).
-        green_ns: How long it lasts [ns], (S,).
-        cycle_ns: The cycle [ns], (S,).
-        offset_ns: When cycles begin [ns], (S,), changed in place.
-    """
-    head = np.array([heads[0] for heads in lines.heads])
-    junction = np.zeros(len(start_ns), np.int64)
-    for number, members in enumerate(groups):
-        junction[members] = number
-    passings = Passings(
-        travel_s, junction[head], start_ns[head] / 1e9, green_ns[head] / 1e9, cycle_ns[head] / 1e9
-    )
-    begins_s = wave_begins_s(passings, np.array([offset_ns[members[0]] / 1e9 for members in groups]))
-    on_route = np.isin(junction, passings.junction)
-    offset_ns[on_route] = np.round(begins_s[junction[on_route]] * 1e9).astype(np.int64)
 
 
 def _main_heads(network: LaneNetwork, route: Route, demand: Array | None) -> set[int]:

@@ -4,6 +4,7 @@ Traffic tables of a town, kept on disk, and the stations at which vehicles may s
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -73,7 +74,7 @@ class TrafficTables:
 
     Args:
         network: The lanes.
-        route: The town's route: its streets are the town's main streets, and green waves run along it.
+        route: The town's route: its streets are the town's main streets, and its lights are coordinated.
         keep: Gives the tables that were kept of them, or what it is handed makes anew.
     """
 
@@ -105,10 +106,11 @@ class TrafficTables:
         )
 
     def signal_plan(self, timing: SignalTiming) -> SignalPlan:
-        """Plan of the signals, worked out once for each timing."""
-        if timing not in self._plans:
-            self._plans[timing] = SignalPlan.from_network(self.network, timing, self.route, self._demand)
-        return self._plans[timing]
+        """Plan of the signals, worked out once for all beginnings of a timing."""
+        at_once = replace(timing, offset_s=0.0)
+        if at_once not in self._plans:
+            self._plans[at_once] = SignalPlan.from_network(self.network, at_once, self.route, self._demand)
+        return self._plans[at_once].later(timing.offset_s)
 
     def starting_positions(self, seed: int, keep_clear_m: Array) -> tuple[Index, Array]:
         """Lanes and stations [m] at which vehicles may start, in the order in which they are taken.

@@ -4,7 +4,7 @@ python docs/robustness/robustness.py EPISODES WORK   runs what is not done yet, 
 python docs/robustness/robustness.py                 only writes, from the tables beside this file
 
 EPISODES has the standard drives, WORK gets all that commands write. Every step that is done is left alone by
-the next start. Lines between the markers of docs/robustness.md are written here, people write the rest.
+the next start. Lines between markers of docs/findings/robustness.md are written here, people write the rest.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from curve_picture import draw_curves
 from recorder.benchmark.tables import markdown_table
 
 HERE = Path(__file__).resolve().parent
-PAGE, PICTURE = HERE.parent / "robustness.md", HERE.parent / "pictures" / "robustness.png"
+PAGE, PICTURE = HERE.parent / "findings" / "robustness.md", HERE.parent / "pictures" / "robustness.png"
 BEGIN, END = "<!-- {0}: made by docs/robustness/robustness.py -->", "<!-- end of {0} -->"
 METHODS = "small_gicp,kiss_icp,genz_icp,rko_lio"
 STRETCHES = {"Town06": "5", "Town10": "20"}

@@ -242,8 +242,8 @@ def add_replay_options(
         type=names,
         default=("rosbag1", "euroc"),
         metavar="A,B",
-        help="rosbag1, rosbag1_lz4, rosbag1_bz2, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec, raw "
-        "(default: rosbag1,euroc)",
+        help="rosbag1, rosbag1_lz4, rosbag1_bz2, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec, nuscenes, "
+        "colmap, raw (default: rosbag1,euroc)",
     )
     parser.add_argument(
         "--topics",

@@ -18,12 +18,12 @@ from recorder.cli.arguments import check_outputs, shared_options
 from recorder.cli.terminal import ended_as_by_ctrl_c, make_streams_safe, to_json
 
 COMMANDS = (
-    "demo", "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "odometry", "evaluate",
-    "places", "minari", "benchmark", "sweep", "break", "consistency", "closedloop", "vocabulary", "view",
-    "list", "completion",
+    "demo", "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "realism", "odometry",
+    "evaluate", "places", "minari", "benchmark", "sweep", "break", "consistency", "closedloop", "vocabulary",
+    "view", "list", "completion",
 )  # fmt: skip
 """Sub-commands; each is a module of `commands` with `add_arguments` and `run`."""
-ROBUSTNESS = ("places", "sweep", "break", "consistency", "closedloop")
+ROBUSTNESS = ("realism", "places", "sweep", "break", "consistency", "closedloop")
 """Those in the folder `robustness` of `commands`."""
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2

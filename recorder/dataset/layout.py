@@ -5,7 +5,8 @@ DIR/dataset.yaml  SHA256SUMS  episodes/TOWN.mcap      what it holds, checksums, 
 DIR/TOWN/calibration/  ground_truth/                  shared by all sequences of a drive
 DIR/TOWN/WEATHER_TRAFFIC/sequence.yaml  SHA256SUMS    one sequence: its description, its checksums,
     preview.mp4  preview.png                          a film, and one of its images,
-    bags, mav0/, kitti/, dsec/, raw/                  and its data, in the formats of `FORMATS`
+    bags, mav0/, kitti/, dsec/, nuscenes/, colmap/,   and its data, in the formats of `FORMATS`
+    raw/
 ```
 
 SHA-256 of all files below a folder, in the form that ``sha256sum -c SHA256SUMS`` reads.
@@ -53,6 +54,12 @@ FORMATS = {
     "kitti": Format(about="KITTI odometry and SemanticKITTI, with labels of moving objects", place="kitti"),
     "dsec": Format(
         about="DSEC: events and identity maps of each event camera, disparity of a pair", place="dsec"
+    ),
+    "nuscenes": Format(
+        about="nuScenes v1.0: samples with boxes and labels, sweeps, a mask of the map", place="nuscenes"
+    ),
+    "colmap": Format(
+        about="COLMAP and nerfstudio: pictures, exact poses, seed points, masks, clean plates", place="colmap"
     ),
     "raw": Format(about="PNG, PLY and npz, a folder or table a stream", place="raw"),
 }

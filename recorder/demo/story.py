@@ -3,6 +3,7 @@
 The demo's page: what it has made so far, for a phone and a wide screen.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from importlib.util import find_spec
@@ -179,7 +180,20 @@ def draw_story(config: DemoConfig, found: BenchmarkResult, truth: Path) -> list[
     return [plot, write_page(found)]
 
 
-INDEX = "index.html"
+def write_scene(config: DemoConfig, sequences: Sequence[Path], scores: Scores) -> Path:
+    """Write the page of the first sequence with traffic, with the paths of all systems on it."""
+    from recorder.dataset.sequence import SlamSequence
+    from recorder.view.scene_page import page_of_sequence
+    from recorder.view.sequence_view import PERIOD_S
+
+    level = TRAFFIC[-1]
+    sequence = next(path for path in sequences if path.name.endswith(level))
+    paths = [replace(by_level[level][1], name=system) for system, by_level in scores.items()]
+    page = config.out / SCENE
+    return page_of_sequence(SlamSequence(sequence), page, estimates=paths, period_s=PERIOD_S, overwrite=True)
+
+
+INDEX, SCENE = "index.html", "scene.html"
 STEPS = ("a first look", "replaying two weathers × two traffic levels", "running SLAM systems")
 """What the demo does, in this order."""
 EXTRAS = 'pip install "carlaloc-env[slam,report]"'
@@ -213,7 +227,9 @@ carlaloc list weathers</pre>
 """
 
 
-def write_index(out: Path, films: list[Path], scores: Scores, drawn: list[Path], *, step: int) -> Path:
+def write_index(
+    out: Path, films: list[Path], scores: Scores, drawn: list[Path], *, step: int, scene: Path | None = None
+) -> Path:
     """Write ``index.html`` anew, with all that there is.
 
     Args:
@@ -222,6 +238,7 @@ def write_index(out: Path, films: list[Path], scores: Scores, drawn: list[Path],
         scores: Errors of each system.
         drawn: The picture of errors and the benchmark's page; none without the extra `report`.
         step: Number of the step that is running, from 1; beyond the last the demo has ended.
+        scene: The page of a sequence, in that folder.
 
     Raises:
         OutputError: it cannot be written.
@@ -235,6 +252,11 @@ def write_index(out: Path, films: list[Path], scores: Scores, drawn: list[Path],
     if films:
         text += '<h2>The drive as sequences</h2>\n<div class="row">\n'
         text += "".join(_film(path.relative_to(out)) for path in films) + "</div>\n"
+    if scene is not None:
+        text += (
+            f'<p><a href="{scene.name}">The drive in 3-D</a>: town, points, pictures and the paths of all '
+            "systems, over time. It is one file that any browser opens.</p>\n"
+        )
     if scores:
         text += _table(scores)
         text += "".join(_drawing(path.relative_to(out)) for path in drawn)

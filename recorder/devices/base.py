@@ -35,7 +35,7 @@ class Device(Protocol):
 
 HUMAN = ("wheel", "gamepad", "keyboard")
 """Devices that a person holds."""
-DEVICES = ("scripted", *HUMAN)
+DEVICES = ("scripted", "hand", *HUMAN)
 """Names of all devices."""
 
 

@@ -4,11 +4,12 @@ import logging
 import os
 
 from carlaloc_env.core.errors import DeviceError, unknown_name
-from recorder.devices.base import DEVICES, Device, wants_window
+from recorder.devices.base import DEVICES, HUMAN, Device, wants_window
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
 from recorder.devices.profile import known_profiles
 from recorder.devices.scripted.driver import ScriptedDriver
+from recorder.devices.scripted.hand import ScriptedHand
 
 _LOG = logging.getLogger(__name__)
 
@@ -32,13 +33,15 @@ def open_device(name: str, seed: int, *, window: bool = False, preferred: str | 
     if name == "scripted":
         return ScriptedDriver(seed)
     wants_window(name, window)
-    if os.environ.get("SDL_VIDEODRIVER") in ("dummy", "offscreen"):
+    if name in HUMAN and os.environ.get("SDL_VIDEODRIVER") in ("dummy", "offscreen"):
         _LOG.warning(
             "SDL_VIDEODRIVER=%s: the window is invisible and gets no keys; unset it to drive by hand",
             os.environ["SDL_VIDEODRIVER"],
         )
     inputs = Inputs(window=window)
     try:
+        if name == "hand":
+            return ScriptedHand(inputs, seed)
         return HumanDevice(name, inputs, known_profiles(), preferred=preferred)
     except Exception:
         inputs.close()

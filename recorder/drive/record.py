@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.clock import TICK_HZ
+from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
 from carlaloc_env.core.files.array_cache import give_back_freed_memory
 from carlaloc_env.core.files.output_paths import check_episode_output, recording_path, repair_command
 from carlaloc_env.driving.driving_world import DrivingWorld
+from carlaloc_env.physics.params import ride_by_name
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town, without_movables
@@ -57,6 +59,8 @@ class RecordConfig:
     """Seed of the traffic and of the scripted driver."""
     traffic: str = "dynamic"
     """Level of the town's traffic: ``dynamic``, ``static``, ``empty`` or a fraction."""
+    ride: str = DEFAULT_RIDE
+    """How the body answers to the road: ``standard``, or ``real`` as measured on cars."""
     overwrite: bool = False
     """Whether an older episode of this name is replaced."""
     window: bool | None = None
@@ -67,6 +71,7 @@ class RecordConfig:
     def __post_init__(self) -> None:
         if self.device not in DEVICES:
             raise DeviceError(unknown_name("device", self.device, DEVICES))
+        ride_by_name(self.ride)
         if self.duration_s is not None and not 0.0 < self.duration_s <= 86400.0:
             raise ConfigError(f"duration {self.duration_s:g} s; give more than 0 and at most 86400 s")
 
@@ -169,7 +174,7 @@ class _Drive:
             town = without_movables(town)
         with ThreadPoolExecutor(1) as pool:
             shown = None if show is None else pool.submit(show, town, weather)
-            self.world = DrivingWorld(town, traffic)
+            self.world = DrivingWorld(town, traffic, ride=config.ride)
             self._stack.callback(self.world.close)
             if shown is not None:
                 shown.result()
@@ -283,6 +288,7 @@ def episode_header(
         device=device,
         versions={**versions, "python": platform.python_version()},
         created_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        extra={} if config.ride == DEFAULT_RIDE else {"ride": config.ride},
     )
 
 

@@ -136,7 +136,8 @@ def resimulate(
     begin = None if out is None else lambda _: EpisodeWriter(out, header, overwrite=overwrite, keep_cut=False)
     comparison = _Comparison(episode, begin)
     with ExitStack() as stack:
-        world = DrivingWorld(town, from_mapping(TrafficConfig, header.traffic, f"{source}: traffic"))
+        traffic = from_mapping(TrafficConfig, header.traffic, f"{source}: traffic")
+        world = DrivingWorld(town, traffic, ride=header.ride)
         stack.callback(world.close)
         stack.callback(comparison.abandon)
         world.reset(episode.header.seed, comparison)

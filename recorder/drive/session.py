@@ -175,7 +175,7 @@ class DriveSession:
         if cockpit is not None:
             cockpit.show(self._world, self.status)
         self._remember_switches()
-        pacer = Pacer()
+        pacer = Pacer(getattr(panel, "clock", time.perf_counter))
         while not self._is_over():
             panel.poll()
             for kind, name in panel.plugged:

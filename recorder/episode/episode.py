@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.output_paths import (
@@ -146,6 +146,12 @@ class Episode:
     def duration_s(self) -> float:
         """Time from the first to the last tick [s]."""
         return max(len(self.ego) - 1, 0) * TICK_S
+
+    @cached_property
+    def ego_at_steps(self) -> NDArray[np.void]:
+        """Rows of `ego` at the steps of `steps`."""
+        tick = np.searchsorted(self.ego["tick"], self.steps["step"].astype(np.int64) * STEP_TICKS)
+        return self.ego[np.minimum(tick, len(self.ego) - 1)]
 
     @cached_property
     def controls(self) -> ControlLog:

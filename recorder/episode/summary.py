@@ -15,14 +15,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from carlaloc_env.core.clock import STEP_TICKS, TICK_S
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.errors import ConfigError, EpisodeError, MapError, is_name, unknown_name
 from carlaloc_env.core.transforms import quat_to_rpy, wrap_angle
 from carlaloc_env.scene.materials import Tag
-from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from carlaloc_env.town.sources import TownId, find_town, identify_town, known_towns
 from recorder.episode.episode import Episode
-from recorder.episode.messages import VIOLATIONS
+from recorder.episode.messages import VIOLATIONS, actor_states
 
 if TYPE_CHECKING:
     from carlaloc_env.town.town import Town
@@ -33,6 +36,14 @@ TABLE_FRACTION = 0.01
 """How far the length may be from the paper's Table III, as a fraction of it."""
 LOOP_CLOSED_DEG = 10.0
 """Ends whose headings differ by less close a loop [deg]."""
+STANDS_MPS, GOES_MPS = 0.3, 1.0
+"""Speeds below which the ego stands, and above which it drives: to stand again is another stop [m/s]."""
+CLOSE_M = 10.0
+"""A mover whose rear is within so much ahead of the front bumper is close [m]."""
+_SAME_LEVEL_M = 3.0
+"""Who is farther above or below is on another road [m]."""
+_PART = 4096
+"""Steps that are looked at together, so that memory suffices for drives of hours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +58,8 @@ class EpisodeSummary:
     """Hash of the town as it was built."""
     device: str
     """Who drove."""
+    ride: str
+    """How the body answered to the road."""
     seed: int
     """Seed of traffic and noise."""
     duration_s: float
@@ -65,6 +78,12 @@ class EpisodeSummary:
     """Vehicles in the traffic."""
     walkers: int
     """Walkers in the traffic."""
+    standing: float
+    """Fraction of the time for which the ego stands, 0–1."""
+    stops: int
+    """How often it came to stand."""
+    mover_close_s: float
+    """How long somebody who can move was less than `CLOSE_M` ahead, in the car's own width [s]."""
     collisions: int
     """Collisions of the ego."""
     violations: dict[str, int]
@@ -92,6 +111,36 @@ def _route_distance_m(episode: Episode) -> float | None:
     return float(last) if isinstance(last, (int, float)) else None
 
 
+def _standing(episode: Episode) -> tuple[float, int]:
+    """Fraction of the time for which the ego stands, and how often it came to stand."""
+    speed_mps = np.abs(episode.ego["speed_mps"])
+    stands = speed_mps < STANDS_MPS
+    clear = stands[stands | (speed_mps > GOES_MPS)]
+    return float(stands.mean()) if len(stands) else 0.0, int(np.count_nonzero(clear[1:] & ~clear[:-1]))
+
+
+def _mover_close_s(episode: Episode) -> float:
+    """How long a mover was close ahead [s]."""
+    size_m, steps = episode.header.catalog.size_m, episode.steps if len(episode.ego) else episode.steps[:0]
+    parts = (slice(first, first + _PART) for first in range(0, len(steps), _PART))
+    close = sum(_is_close(episode.ego_at_steps[p], actor_states(steps[p]), size_m).sum() for p in parts)
+    return float(close) * STEP_TICKS * TICK_S
+
+
+def _is_close(ego: NDArray[np.void], others: ActorFrame, size_m: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Whether a mover is close ahead at each of K steps, (K,); sizes of the N actors [m], (N, 3)."""
+    heading = quat_to_rpy(ego["quat_xyzw"])[:, 2:]
+    away = others.position_m - ego["position_m"][:, None]
+    cos, sin = np.cos(heading), np.sin(heading)
+    along, across = np.abs(np.cos(others.heading_rad - heading)), np.abs(np.sin(others.heading_rad - heading))
+    length, width = 0.5 * size_m[:, 0], 0.5 * size_m[:, 1]
+    gap = away[..., 0] * cos + away[..., 1] * sin - length * along - width * across - EGO_FRONT_M
+    beside = np.abs(away[..., 1] * cos - away[..., 0] * sin) - length * across - width * along
+    near = (gap > 0.0) & (gap < CLOSE_M) & (np.abs(away[..., 2]) < _SAME_LEVEL_M)
+    close: NDArray[np.bool_] = (near & (beside < 0.5 * EGO_SIZE_M[1])).any(axis=1)
+    return close
+
+
 def summarise(episode: Episode) -> EpisodeSummary:
     """Figures of an episode."""
     position = episode.ego["position_m"]
@@ -103,6 +152,7 @@ def summarise(episode: Episode) -> EpisodeSummary:
         yaw = quat_to_rpy(episode.ego["quat_xyzw"][[0, -1]])[:, 2]
         closure_deg = float(np.degrees(abs(wrap_angle(yaw[1] - yaw[0]))))
         closed = driven_m > 50.0 and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG
+    standing, stops = _standing(episode)
     walkers = int(np.count_nonzero(episode.header.catalog.tag == Tag.PEDESTRIAN))
     table_m = episode.header.route.get("table_length_m")
     loop = bool(episode.header.route.get("closed"))
@@ -117,6 +167,7 @@ def summarise(episode: Episode) -> EpisodeSummary:
         map=episode.header.map_name,
         town_hash=episode.header.town_hash,
         device=episode.header.device,
+        ride=episode.header.ride,
         seed=episode.header.seed,
         duration_s=episode.duration_s,
         driven_m=driven_m,
@@ -126,6 +177,9 @@ def summarise(episode: Episode) -> EpisodeSummary:
         loop_closed=closed,
         vehicles=len(episode.header.catalog) - walkers,
         walkers=walkers,
+        standing=standing,
+        stops=stops,
+        mover_close_s=_mover_close_s(episode),
         collisions=counts["collision"],
         violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
         table_length_m=table_m,

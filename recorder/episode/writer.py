@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS, stamp_ns
+from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.output_paths import (
     check_episode_output,
@@ -67,6 +68,11 @@ class EpisodeHeader:
     """How the file came about from others, oldest first."""
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Further configuration."""
+
+    @property
+    def ride(self) -> str:
+        """How the body answered to the road, one of `physics.params.RIDES`."""
+        return str(self.extra.get("ride", DEFAULT_RIDE))
 
     def to_metadata(self) -> dict[str, str]:
         """One JSON text per field."""

@@ -63,6 +63,7 @@ def _camera_field(config: CameraConfig) -> Field:
 
 def _lidar_field(config: LidarConfig) -> Field:
     up_rad = np.radians(np.array(config.elevations_deg) + config.elevation_offset_deg)
+    near_m = config.near_m if config.ego_returns else config.range_min_m
 
     def directions(rays: int) -> Array:
         columns = max(rays // len(up_rad), 1)
@@ -74,7 +75,7 @@ def _lidar_field(config: LidarConfig) -> Field:
         up = np.arcsin(np.clip(points_m[:, 2] / np.maximum(distance, 1e-9), -1.0, 1.0))
         # Rounding must not put a ray along the outermost beam outside.
         inside = (up >= up_rad[0] - 1e-6) & (up <= up_rad[-1] + 1e-6)
-        return np.asarray(inside & (distance >= config.range_min_m) & (distance <= config.range_max_m))
+        return np.asarray(inside & (distance >= near_m) & (distance <= config.range_max_m))
 
     return Field(range_max_m=config.range_max_m, directions=directions, holds=holds)
 

@@ -3,8 +3,9 @@
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,18 +17,24 @@ from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.layout import FILM, FORMATS, SEG_BAG, DriveFolder, SequenceFolder, write_checksums
 from recorder.dataset.manifest import SequenceDescription
+from recorder.episode.summary import traffic_level
 from recorder.replaying.conditions import Condition, Recipe
 from recorder.replaying.spool import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, write_text
 from recorder.writers.calibration.files import calibration_texts, write_calibration
+from recorder.writers.formats.colmap import CLEAN_PLATE, ColmapEncoder, ColmapWriter
 from recorder.writers.formats.euroc import EurocEncoder, EurocWriter, write_state_csv
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
+from recorder.writers.formats.nuscenes import NuscenesEncoder, NuscenesWriter
 from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter, shown_streams
 from recorder.writers.formats.raw import RawEncoder, RawWriter, write_truth
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
 from recorder.writers.topics import profile_by_name
+
+if TYPE_CHECKING:
+    from recorder.writers.formats.town_ground import TownGround
 
 Streams = tuple[str, ...]
 """Names of all streams that will come."""
@@ -58,13 +65,19 @@ class Output:
         return writer
 
 
-def outputs_of(recipe: Recipe, streams: Streams, about: Mapping[str, str] | None = None) -> list[Output]:
+def outputs_of(
+    recipe: Recipe,
+    streams: Streams,
+    about: Mapping[str, str] | None = None,
+    condition: Condition | None = None,
+) -> list[Output]:
     """Outputs of a sequence, always in the same order.
 
     Args:
         recipe: Sequences to make of the drive.
         streams: Names of all streams that will come.
         about: Texts by name that files hold of the sequence, where they are written.
+        condition: Weather and traffic of the sequence, where they are written.
 
     Raises:
         WriterError: a format needs a sensor that the rig has not.
@@ -84,6 +97,13 @@ def outputs_of(recipe: Recipe, streams: Streams, about: Mapping[str, str] | None
             outputs.append(Output(KittiEncoder(calibration), KittiWriter, path))
         elif name == "dsec":
             outputs += _dsec(path, calibration, streams)
+        elif name == "nuscenes":
+            nuscenes = NuscenesEncoder(calibration, streams)
+            options = {"ground": partial(_ground, recipe, condition), "about": about}
+            outputs.append(Output(nuscenes, NuscenesWriter, path, options))
+        elif name == "colmap":
+            twins = {"twins": _twins(recipe, condition)}
+            outputs.append(Output(ColmapEncoder(calibration, streams), ColmapWriter, path, twins))
         else:
             outputs.append(Output(RawEncoder(), RawWriter, path))
     if recipe.preview:
@@ -115,6 +135,27 @@ def _bags(
         )
         for begin, profile in profiles.items()
     ]
+
+
+def _ground(recipe: Recipe, condition: Condition | None) -> "TownGround":
+    """The town's mask and parked cars; the parts of towns are imported where they are needed."""
+    from carlaloc_env.town.build import load_town
+    from recorder.writers.formats.town_ground import ground_of
+
+    return ground_of(load_town(recipe.town), parked_cars=condition is None or condition.traffic.parked_cars)
+
+
+def _twins(recipe: Recipe, condition: Condition | None) -> dict[str, str]:
+    """Sequences that show the same views, by name: the one without traffic, and those of other weathers."""
+    if condition is None:
+        return {}
+    found = {}
+    if condition.traffic.fraction > 0.0:
+        found[CLEAN_PLATE] = replace(condition, traffic=traffic_level("static")).name
+    for other in recipe.conditions_of(condition.traffic):
+        if other.weather_name != condition.weather_name:
+            found[other.weather_name] = other.name
+    return found
 
 
 def _dsec(path: str, calibration: RigCalibration, streams: Streams) -> list[Output]:
@@ -176,7 +217,7 @@ class SequenceWriters:
             "epoch_ns": str(DEFAULT_EPOCH_NS),
             **({"faults": json.dumps(condition.faults.to_mapping())} if condition.faults else {}),
         }
-        self._outputs = outputs_of(recipe, streams, about)
+        self._outputs = outputs_of(recipe, streams, about, condition)
         self._writers: list[Writer] = []
 
     def open(self) -> None:

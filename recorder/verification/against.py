@@ -27,13 +27,15 @@ STEP = 1
 """Largest difference of a value of a picture [steps of 8 bits]."""
 STEP_SHARE = 1e-4
 """Largest share of a picture's values that differ."""
+JPEG_STEP, JPEG_SHARE = 8, 1e-2
+"""The same of a JPEG: such a difference changes values by 5 steps there, and 0.3 % of them."""
 EVENT_SHARE = 0.05
 """Largest share of events that only one of two files or messages has."""
 _OF_A_RECORDING = ("created_utc", "versions", "crc32", "sha256")
 """Entries of an episode's header and description that depend on the time and program of recording."""
 _FEW = 5
 """Number of events without a counterpart that is always accepted."""
-_LABELS = ("semantic", "instance", "label")
+_LABELS = ("semantic", "instance", "label", "masks")
 """Parts of the names of pictures whose values are labels."""
 
 
@@ -94,6 +96,10 @@ def differences(ours: Path, theirs: Path) -> str:
         return _of_episodes(ours, theirs)
     if kind == ".png" and not _is_label(str(ours)):
         return of_pictures(*(np.asarray(cv2.imread(str(p), cv2.IMREAD_UNCHANGED)) for p in (ours, theirs)))
+    if kind == ".jpg":
+        return of_pictures(
+            *(np.asarray(cv2.imread(str(path))) for path in (ours, theirs)), step=JPEG_STEP, most=JPEG_SHARE
+        )
     if kind == ".npz":
         return _of_arrays(*(dict(np.load(path)) for path in (ours, theirs)))
     if kind == ".h5":
@@ -103,15 +109,17 @@ def differences(ours: Path, theirs: Path) -> str:
     return "has other bytes"
 
 
-def of_pictures(ours: NDArray[Any], theirs: NDArray[Any]) -> str:
+def of_pictures(
+    ours: NDArray[Any], theirs: NDArray[Any], *, step: int = STEP, most: float = STEP_SHARE
+) -> str:
     """Difference of two 8-bit pictures beyond the bounds; empty if there is none."""
     if ours.shape != theirs.shape or ours.dtype != np.uint8 or theirs.dtype != np.uint8:
         return "has other bytes"
     apart = np.abs(ours.astype(np.int16) - theirs)
     share = np.count_nonzero(apart) / max(apart.size, 1)
-    if apart.max(initial=0) > STEP:
-        return f"a value differs by {apart.max()} steps, {STEP} is the bound"
-    return f"{share:.2g} of its values differ, {STEP_SHARE:g} is the bound" if share > STEP_SHARE else ""
+    if apart.max(initial=0) > step:
+        return f"a value differs by {apart.max()} steps, {step} is the bound"
+    return f"{share:.2g} of its values differ, {most:g} is the bound" if share > most else ""
 
 
 def of_events(ours: NDArray[np.void], theirs: NDArray[np.void]) -> str:

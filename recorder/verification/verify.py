@@ -3,8 +3,9 @@
 Checks of a sequence's streams: number of messages, their stamps, and equal stamps of a stereo pair.
 """
 
+import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from recorder.dataset.readings import Stamps, check_gaps, stamps_in
 from recorder.replaying.working_folder import FOLDER
 from recorder.verification.against import compare
 from recorder.verification.calibration_fit import check_fit
+from recorder.writers.formats.nuscenes_tables import VERSION
 from recorder.writers.ros.messages import ENCODERS
 from recorder.writers.topics import TopicProfile
 
@@ -105,6 +107,36 @@ def check_kitti(folder: Path) -> Iterator[str]:
         yield f"{folder.name} has unequal counts: {numbers}"
 
 
+def check_nuscenes(folder: Path) -> Iterator[str]:
+    """Files that the tables of a nuScenes folder name and that are missing, or that they do not name."""
+    tables = folder / VERSION
+    rows = [json.loads((tables / f"{name}.json").read_text("utf-8")) for name in ("sample_data", "lidarseg")]
+    names = (row["filename"] for table in rows for row in table)
+    yield from _check_list(folder, ("samples", "sweeps", "lidarseg"), names)
+
+
+def check_colmap(folder: Path) -> Iterator[str]:
+    """Pictures that COLMAP's tables name and that are missing, and twins that do not have the same view."""
+    lines = (folder / "sparse" / "0" / "images.txt").read_text("utf-8").splitlines()[::2]
+    yield from _check_list(folder, ("images",), (f"images/{line.split()[-1]}" for line in lines))
+    for frame in json.loads((folder / "transforms.json").read_text("utf-8"))["frames"]:
+        twins = (frame.get("clean_plate_path"), *frame.get("weather_paths", {}).values())
+        for twin in (folder / path for path in twins if path):
+            # A twin may be replayed later, or by another rig.
+            if twin.parents[2].is_dir() and not twin.exists():
+                yield f"{folder.name}: {frame['file_path']} has no twin in {twin.parents[3].name}"
+
+
+def _check_list(folder: Path, parts: tuple[str, ...], names: Iterable[str]) -> Iterator[str]:
+    listed = set(names)
+    files = (path for part in parts for path in (folder / part).rglob("*") if path.is_file())
+    there = {path.relative_to(folder).as_posix() for path in files}
+    if missing := sorted(listed - there):
+        yield f"{folder.name}: {len(missing)} files are missing, the first is {missing[0]}"
+    if unknown := sorted(there - listed):
+        yield f"{folder.name}: {len(unknown)} files are not listed, the first is {unknown[0]}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
     """Result of a verification."""
@@ -179,6 +211,10 @@ def _check_sequence(sequence: SequenceFolder, profile: TopicProfile) -> Iterator
             yield from check_euroc(mav0)
         if (kitti := sequence.place("kitti")).is_dir():
             yield from check_kitti(kitti)
+        if (nuscenes := sequence.place("nuscenes")).is_dir():
+            yield from check_nuscenes(nuscenes)
+        if (colmap := sequence.place("colmap")).is_dir():
+            yield from check_colmap(colmap)
         if sequence.bags:
             yield from check_fit(sequence.drive, sequence.bags[0], profile, samples)
     # Readers raise many kinds of errors on damaged files: struct, zlib, assertions, …

@@ -1,1 +1,1 @@
-"""Drives, sequences and towns as recordings of rerun, to look at in its viewer."""
+"""Drives, sequences and towns as recordings of rerun, and as pages for browsers."""

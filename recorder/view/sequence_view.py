@@ -14,6 +14,7 @@ from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.evaluate import PathErrors
+from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.report.town_preview import lane_lines_of
 from recorder.view.recording import BASE_LINK, WORLD, Recording, log_lanes, new_recording
@@ -81,15 +82,11 @@ def _log_clouds(recording: Recording, sequence: SlamSequence, period_s: float) -
     lidar = sequence.lidar
     truth = read_tum(sequence.truth_file("lidar"))
     positions, tags = [], []
-    for scan in _every(sequence.scans(), period_s):
+    for scan in every(sequence.scans(), period_s):
         colour = {"class_ids": scan.tag} if scan.tag is not None else {"colors": _shades(scan)}
         points = recording.rerun.Points3D(scan.points_xyz_m.astype(np.float32), radii=[0.03], **colour)
         recording.at(scan.stamp_ns, f"{BASE_LINK}/{lidar.frame_id}/points", points)
-        stamp_ns, row = np.unique(
-            scan.stamp_ns + np.rint(scan.time_s * 1e9).astype(np.int64), return_inverse=True
-        )
-        at = truth.at(stamp_ns)
-        world_m = at.position_m[row] + quat_rotate(at.quat_xyzw[row], scan.points_xyz_m)
+        world_m = in_world(scan, truth)
         kept = _one_a_cell(world_m)
         positions.append(world_m[kept])
         tags.append(np.zeros(len(kept), np.uint8) if scan.tag is None else scan.tag[kept])
@@ -103,7 +100,17 @@ def _log_clouds(recording: Recording, sequence: SlamSequence, period_s: float) -
     )
 
 
-def _every(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
+def in_world(scan: Scan, truth: Trajectory) -> Array:
+    """Points of a sweep in the world [m], each from where the LiDAR was at its own time, (N, 3)."""
+    stamp_ns, row = np.unique(
+        scan.stamp_ns + np.rint(scan.time_s * 1e9).astype(np.int64), return_inverse=True
+    )
+    at = truth.at(stamp_ns)
+    world_m: Array = at.position_m[row] + quat_rotate(at.quat_xyzw[row], scan.points_xyz_m)
+    return world_m
+
+
+def every(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
     """Scans that lie a period or more apart."""
     following_ns = 0
     for scan in scans:
@@ -141,7 +148,7 @@ def _log_images(recording: Recording, sequence: SlamSequence, period_s: float) -
         picture = cv2.imread(str(file))
         if picture is None:
             raise EvaluationError(f"{file} is no image; replay it anew")
-        jpeg = recording.rerun.EncodedImage(contents=_jpeg(picture), media_type="image/jpeg")
+        jpeg = recording.rerun.EncodedImage(contents=jpeg_of(picture), media_type="image/jpeg")
         recording.at(stamp_ns, f"{entity}/image", jpeg)
     return bool(len(stamps_ns))
 
@@ -158,11 +165,12 @@ def _log_lens(recording: Recording, camera: CameraConfig, entity: str) -> None:
     recording.always(f"{entity}/image", pinhole)
 
 
-def _jpeg(picture: object) -> bytes:
+def jpeg_of(picture: object, width_px: int = IMAGE_WIDTH_PX, quality: int = JPEG_QUALITY) -> bytes:
+    """A picture (BGR or grey) as JPEG of a width."""
     image = np.asarray(picture, np.uint8)
-    size = (IMAGE_WIDTH_PX, round(IMAGE_WIDTH_PX * image.shape[0] / image.shape[1]))
+    size = (width_px, round(width_px * image.shape[0] / image.shape[1]))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return data.tobytes()
 
 

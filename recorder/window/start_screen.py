@@ -112,7 +112,11 @@ _TRAFFIC = {
     "static": "parked cars alone",
     "empty": "no others and no parked cars",
 }
-_ALWAYS_THERE = {"scripted": "drives the route by itself", "keyboard": "arrows or W A S D"}
+_ALWAYS_THERE = {
+    "scripted": "drives the route by itself",
+    "hand": "drives the route by itself, on a virtual wheel",
+    "keyboard": "arrows or W A S D",
+}
 _ENTER, _CONFIRM_BUTTON = (13, 0x4000_0058), 0
 _FRAME_S = 1.0 / 30.0
 _PALE, _CHOSEN = (176, 182, 188), (36, 66, 102, 235)

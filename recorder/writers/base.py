@@ -232,10 +232,29 @@ def png_of(pixels: NDArray[Any], name: str, options: Sequence[int] = PNG_RUN_LEN
     Raises:
         WriterError: OpenCV cannot encode it.
     """
-    done, png = cv2.imencode(".png", pixels, options)
+    return _encoded(".png", pixels, name, options)
+
+
+def jpeg_of(rgb: NDArray[np.uint8], name: str, quality: int) -> bytes:
+    """A colour image as JPEG.
+
+    Args:
+        rgb: Red, green, blue, shape (H, W, 3).
+        name: Name of the image in errors.
+        quality: 0–100.
+
+    Raises:
+        WriterError: OpenCV cannot encode it.
+    """
+    bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
+    return _encoded(".jpg", bgr, name, (cv2.IMWRITE_JPEG_QUALITY, quality))
+
+
+def _encoded(suffix: str, pixels: NDArray[Any], name: str, options: Sequence[int]) -> bytes:
+    done, data = cv2.imencode(suffix, pixels, options)
     if not done:
         raise WriterError(f"OpenCV cannot write {name}; install opencv-python-headless again")
-    return png.tobytes()
+    return data.tobytes()
 
 
 def grey(sample: Image) -> NDArray[np.uint8]:

@@ -114,6 +114,8 @@ class LidarCalibration:
     """Nearest return [m]."""
     range_max_m: float = 120.0
     """Farthest return [m]."""
+    near_m: float = 2.0
+    """Distance from which returns are not of the car itself [m]."""
 
     @property
     def rings(self) -> int:
@@ -221,6 +223,7 @@ def _lidar(config: Any, T_base_lidar: Array) -> LidarCalibration:
         columns=config.columns,
         range_min_m=config.range_min_m,
         range_max_m=config.range_max_m,
+        near_m=config.near_m,
     )
 
 

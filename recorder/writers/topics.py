@@ -259,6 +259,8 @@ FILE_BYTES: dict[str, dict[type[Sample], float]] = {
     "euroc": {Image: 0.35},
     "kitti": {Image: 1.0, PointCloud: 20.0},
     "dsec": {Events: 2.0, DepthImage: 0.2},
+    "nuscenes": {Image: 0.2, PointCloud: 20.0},
+    "colmap": {Image: 1.0, DepthImage: 0.6, SemanticImage: 0.02},
     "raw": {Image: 1.0, DepthImage: 1.9, FlowImage: 4.0, NormalImage: 6.0, Events: 1.8, PointCloud: 25.0},
 }
 """Size of a pixel or point in the files of a format [bytes]; of EuRoC, KITTI's clouds and `raw` measured in
@@ -295,8 +297,8 @@ def element_bytes(
         streams: All streams of the rig.
     """
     if format_name not in BAG_SHARES:
-        # Of a LiDAR's two clouds, KITTI holds the one with labels.
-        is_left_out = format_name == "kitti" and f"{stream}_semantic" in streams
+        # Of a LiDAR's two clouds, these hold the one with labels.
+        is_left_out = format_name in ("kitti", "nuscenes") and f"{stream}_semantic" in streams
         size = 0.0 if is_left_out else FILE_BYTES[format_name].get(kind, 0.0)
         return size, size
     profiles = [topics, *(["paper_seg"] if topics == "paper" else [])]

@@ -20,9 +20,9 @@ OUTPUTS = [
     if is_output(action)
 ]
 NAMES_THAT_ARE_READ = {
-    "action", "align", "cluster", "device", "drop", "fault", "map", "method", "over", "quality", "quaternion",
-    "name", "rig", "sensor", "time_field", "time_unit", "topic", "topics", "town", "traffic",
-    "truth_quaternion", "truth_time_unit", "truth_topic", "weather",
+    "action", "align", "camera", "cluster", "device", "drop", "fault", "imu", "lidar", "map", "method",
+    "over", "quality", "quaternion", "name", "ride", "rig", "sensor", "time_field", "time_unit", "topic",
+    "topics", "town", "traffic", "truth_quaternion", "truth_time_unit", "truth_topic", "weather",
 }  # fmt: skip
 """Options that are plain text. Whoever adds one says here that it names nothing that is written."""
 VALUES = (

@@ -65,6 +65,8 @@ def test_the_page_grows_and_fits_a_phone(tmp_path: Path) -> None:
             assert "0.123 m" in text
             assert "12.500 m" in text
             assert EXTRAS not in text
-        browser.open(write_index(tmp_path, films, scores, [], step=4).as_uri(), 390)
+        scene = tmp_path / "scene.html"
+        browser.open(write_index(tmp_path, films, scores, [], step=4, scene=scene).as_uri(), 390)
+        assert "scene.html" in browser.run("[...document.links].map(link => link.getAttribute('href'))")
         assert EXTRAS in browser.run("document.body.innerText")
         assert browser.errors == []

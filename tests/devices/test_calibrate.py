@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shared_fixtures.drives.sticks import GAMEPAD
 
 from carlaloc_env.core.errors import DeviceError
 from recorder.devices.calibrate import calibrate
 from recorder.devices.inputs import Inputs
 from recorder.devices.profile import read_profile
+from recorder.devices.virtual_stick import GAMEPAD
 
 pytest.importorskip("pygame")
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_fixtures.drives.sticks import GAMEPAD, WHEEL
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import DeviceError
@@ -19,6 +18,7 @@ from recorder.devices.base import Command
 from recorder.devices.human import HumanDevice, wheel_steer
 from recorder.devices.inputs import Inputs
 from recorder.devices.profile import known_profiles, read_profile
+from recorder.devices.virtual_stick import GAMEPAD, WHEEL
 
 pytest.importorskip("pygame")
 

@@ -179,7 +179,7 @@ UNITLESS = {
     "ghosts", "weather", "rows", "rays_per_actor", "detections_max", "orientation", "model",
     "constellations", "rtk", "solution", "satellites", "window", "tag_table",
     "lens", "lens_drops", "imager", "shutter", "events", "parked_cars", "green_wave", "cluster",
-    "lidar_weather", "faults",
+    "lidar_weather", "faults", "ride", "roof_rack", "receiver",
 }  # fmt: skip
 """Fields that are names, choices, counts or shares."""
 MEASURE = re.compile(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ")

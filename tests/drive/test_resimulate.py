@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.core.errors import ConfigError, EpisodeError
 from recorder.drive.record import RecordConfig, record
 from recorder.drive.resimulate import resimulate
 from recorder.episode.episode import EgoRow, Episode, EpisodeWriter
@@ -26,6 +26,21 @@ def test_recorded_controls_drive_the_same_again(drive: Path, tmp_path: Path) -> 
     first, second = Episode.load(drive), Episode.load(tmp_path / "again.mcap")
     assert first.ego.tobytes() == second.ego.tobytes()
     assert first.steps.tobytes() == second.steps.tobytes()
+
+
+def test_a_drive_keeps_its_ride(drive: Path, tmp_path: Path) -> None:
+    """Another ride moves the body otherwise, and the episode names it."""
+    out = tmp_path / "real.mcap"
+    record(RecordConfig(map="Town03", out=out, duration_s=2.0, seed=3, traffic="static", ride="real"))
+    assert Episode.load(out).header.ride == "real"
+    assert resimulate(out).first_difference_tick is None
+    assert Episode.load(drive).header.ride == "standard"
+    assert "ride" not in Episode.load(drive).header.extra
+
+
+def test_unknown_rides_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="standard"):
+        RecordConfig(out=tmp_path / "a.mcap", ride="soft")
 
 
 def test_a_single_changed_pedal_is_found(drive: Path, tmp_path: Path) -> None:

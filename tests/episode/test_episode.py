@@ -1,6 +1,7 @@
 """Episode files: bit-exact, and readable by other MCAP tools."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from shared_fixtures.drives.episodes import SIGNALS, catalog_of, frame_of, header_of, row_of, write_drive
 
+from carlaloc_env.core.ego import EGO_FRONT_M
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
@@ -104,3 +106,41 @@ def test_only_the_scripted_driver_is_held_to_the_papers_length(
         write_drive(writer, 11, 0)
     summary = summarise(Episode.load(tmp_path / "a.mcap"))
     assert (summary.meets_table, summary.table_length_m) == (judged, 970.0)
+
+
+def test_a_summary_tells_stops_and_who_is_close_ahead(tmp_path: Path) -> None:
+    """Ten seconds northwards: 2 s at rest, 4 s of driving, 1 s of standing, a crawl that is none, driving on.
+
+    A car is 8 m before the bumper for 3 s, then in the next lane; another is on a bridge above.
+    """
+    path, catalog = tmp_path / "stops.mcap", catalog_of(2)
+    length_m = float(catalog.size_m[0, 0])
+    with EpisodeWriter(path, EpisodeHeader(map_name="Town03", catalog=catalog)) as writer:
+        for tick in range(2001):
+            at_s = tick / 200.0
+            speed = (
+                0.0
+                if at_s < 2.0
+                else 8.0
+                if at_s < 6.0
+                else 0.0
+                if at_s < 7.0
+                else 0.5
+                if at_s < 8.0
+                else 8.0
+            )
+            speed = 0.1 if 7.4 < at_s < 7.6 else speed
+            turn = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
+            here = np.array([100.0, 20.0 + at_s, 1.0])
+            writer.ego(tick, replace(row_of(tick), position_m=here, quat_xyzw=turn, speed_mps=speed))
+            if tick % 10 == 0:
+                frame = frame_of(tick // 10, 2)
+                ahead_m = EGO_FRONT_M + 8.0 + 0.5 * length_m
+                frame.position_m[0] = here + np.array([0.0 if at_s < 3.0 else 3.5, ahead_m, 0.0])
+                frame.position_m[1] = here + np.array([0.0, ahead_m, 6.0])
+                frame.heading_rad[:] = np.pi / 2
+                writer.step(tick // 10, frame, np.zeros(SIGNALS, np.uint8))
+    found = summarise(Episode.load(path))
+    assert found.standing == pytest.approx(0.32, abs=0.002)
+    assert found.stops == 1
+    assert found.mover_close_s == pytest.approx(3.0, abs=0.051)

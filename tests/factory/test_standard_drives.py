@@ -4,14 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.traffic_near_ego import drive
-from recorder.factory import ROUTE_M, STANDARD_SEEDS, DatasetConfig
+from carlaloc_env.core.errors import ConfigError
+from recorder.episode.episode import Episode
+from recorder.episode.summary import summarise
+from recorder.factory import PACES, ROUTE_M, STANDARD_SEEDS, DatasetConfig, median_seed, record_drive
 from recorder.replaying.plan import ReplayOptions
-
-PACE_MPS = {
-    "Town01": 5.5, "Town03": 7.0, "Town04": 16.0, "Town05": 7.0, "Town06": 8.0, "Town07": 6.0, "Town10": 4.2,
-}  # fmt: skip
-"""Least mean speed of each [m/s]; three of the towns are posted with 30 km/h."""
 
 
 def test_each_town_of_the_paper_has_a_seed_and_one_seed_can_be_given_for_all(tmp_path: Path) -> None:
@@ -23,10 +20,29 @@ def test_each_town_of_the_paper_has_a_seed_and_one_seed_can_be_given_for_all(tmp
     assert DatasetConfig(out=tmp_path, replay=replay, seed=5).seed_of("Town03") == 5
 
 
+def test_the_drive_of_median_length_is_the_standard_one() -> None:
+    """Of an even number the longer of the two in the middle; equal ones are in the order of their seeds."""
+    assert median_seed({0: 30.0, 1: 10.0, 4: 20.0}) == 4
+    assert median_seed({9: 30.0, 1: 10.0, 4: 20.0, 6: 40.0}) == 9
+    assert median_seed({9: 20.0, 1: 20.0, 4: 20.0, 6: 40.0}) == 9
+    assert median_seed({9: 20.0, 1: 20.0, 4: 20.0}) == 4
+    with pytest.raises(ConfigError, match="no pace 'waves'; did you mean 'wave'"):
+        DatasetConfig(out=Path("data"), replay=ReplayOptions(), pace="waves")
+
+
 @pytest.mark.soak
-@pytest.mark.parametrize("town", STANDARD_SEEDS)
-def test_a_standard_drive_reaches_its_end_unharmed(town: str) -> None:
-    found = drive(town, STANDARD_SEEDS[town])
-    assert found.length_m > 0.98 * ROUTE_M[town]
-    assert found.speed_mps > PACE_MPS[town]
-    assert (found.collisions, found.violations) == (0, ())
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("pace", PACES)
+def test_standard_drives_reach_their_ends_unharmed(pace: str, tmp_path: Path) -> None:
+    """They stand as cars in towns do."""
+    drives = []
+    for town in ROUTE_M:
+        record_drive(town, tmp_path / f"{town}.mcap", seed=STANDARD_SEEDS[town], pace=pace)
+        drives.append(summarise(Episode.load(tmp_path / f"{town}.mcap")))
+        assert drives[-1].driven_m > 0.98 * ROUTE_M[town]
+        assert (drives[-1].collisions, drives[-1].violations) == (0, {})
+    whole_s = sum(one.duration_s for one in drives)
+    standing = sum(one.standing * one.duration_s for one in drives) / whole_s
+    if pace == "lights":
+        assert 0.18 < standing < 0.35
+        assert max(one.standing for one in drives) < 0.45

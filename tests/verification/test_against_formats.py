@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from shared_fixtures.readings.bag_samples import batch_of, drive, rig, write_all
 
 from carlaloc_env.samples import EVENT, DepthImage, Image, Imu, PointCloud, Sample, SemanticImage
 from recorder.verification.against import differences
+from recorder.writers.base import jpeg_of
 from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
@@ -164,3 +166,21 @@ def test_the_index_of_dsec_follows_from_events_and_its_offset_does_not(
         column = file[name]
         column[...] = column[()] + 1
     assert differences(other, events) == ("t_offset differs" if name == "t_offset" else "")
+
+
+@pytest.mark.parametrize(("steps", "values", "finding"), [(1, 20, ""), (60, 20, "steps, 8 is the bound")])
+def test_pictures_that_differ_in_a_step_do_so_as_jpeg(
+    steps: int, values: int, finding: str, tmp_path: Path
+) -> None:
+    """A JPEG spreads a step of one value over its block; a stain of many steps is found."""
+    draw = np.random.default_rng(4)
+    rgb = cv2.resize(draw.integers(40, 200, (30, 40, 3), dtype=np.uint8), (640, 480))
+    other = rgb.copy()
+    other.reshape(-1)[draw.choice(rgb.size, values, replace=False)] += np.uint8(steps)
+    paths = tmp_path / "ours.jpg", tmp_path / "theirs.jpg"
+    for path, picture in zip(paths, (rgb, other), strict=True):
+        path.write_bytes(jpeg_of(picture, "picture", 95))
+    assert paths[0].read_bytes() != paths[1].read_bytes()
+    found = differences(*paths)
+    assert finding in found
+    assert bool(found) == bool(finding)

@@ -23,8 +23,8 @@ def whole(straight_drive: StraightDrive, tmp_path_factory: pytest.TempPathFactor
     """A second with LiDAR, depth, IMU, a stereo pair, in three formats."""
     out = tmp_path_factory.mktemp("verify") / "data"
     config = straight_drive.config(
-        out, rig=str(straight_drive.rig), formats=("rosbag1", "euroc", "kitti"), duration_s=1.0, unit_s=10.0,
-        preview=False,
+        out, rig=str(straight_drive.rig), formats=("rosbag1", "euroc", "kitti", "nuscenes", "colmap"),
+        duration_s=1.0, unit_s=10.0, preview=False,
     )  # fmt: skip
     need_opengl()
     replay(config)
@@ -67,6 +67,18 @@ def lose_a_label(data: Path) -> None:
     (data / SEQUENCE / "kitti/labels/000004.label").unlink()
 
 
+def lose_a_sweep(data: Path) -> None:
+    sorted((data / SEQUENCE / "nuscenes/sweeps/LIDAR_TOP").iterdir())[3].unlink()
+
+
+def lose_a_view(data: Path) -> None:
+    sorted((data / SEQUENCE / "colmap/images/left").iterdir())[3].unlink()
+
+
+def lose_a_clean_plate(data: Path) -> None:
+    (data / "straight/ClearNoon_static/colmap/images/left").mkdir(parents=True)
+
+
 def add_a_file(data: Path) -> None:
     (data / SEQUENCE / "notes.txt").write_text("mine")
 
@@ -100,6 +112,9 @@ DAMAGES: list[tuple[Callable[[Path], None], str]] = [
     (shift_a_stereo_stamp, "mav0/cam0 and cam1 have 2 unequal stereo stamps"),
     (tell_a_wrong_count, "/imu/data has 200 messages instead of 201"),
     (lose_a_label, "kitti has unequal counts: velodyne 19, labels 18"),
+    (lose_a_sweep, "nuscenes: 1 files are missing, the first is sweeps/LIDAR_TOP/"),
+    (lose_a_view, "colmap: 1 files are missing, the first is images/left/"),
+    (lose_a_clean_plate, "colmap: images/left/1672531200000000000.png has no twin in ClearNoon_static"),
     (add_a_file, f"{SEQUENCE}/notes.txt: not part of the dataset"),
     (move_the_lidar, "LiDAR does not fit /camera/left/depth"),
     (turn_the_imu, "IMU does not fit the truth: accelerations"),

@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import json
 import os
 import shutil
 from pathlib import Path
@@ -36,7 +37,7 @@ sensors:
    pinhole: {width_px: 64, height_px: 40, fx_px: 32, fy_px: 32, cx_px: 32, cy_px: 20}}
 """
 EXAMPLES = Path(__file__).parents[2] / "examples"
-PARTS = {*EXAMPLES.glob("learning/*.py"), *EXAMPLES.glob("own_sensors/*.py")}
+PARTS = {path for name in ("learning", "own_sensors", "splatting") for path in EXAMPLES.glob(f"{name}/*.py")}
 """Parts of examples, without a `main` of their own."""
 
 
@@ -229,13 +230,53 @@ def test_a_clone_learns_from_a_data_set(tmp_path: Path, monkeypatch: pytest.Monk
     assert np.all(wrong.mean(axis=0) < 0.5 * drive.actions.std(axis=0))
 
 
+def write_wall(folder: Path) -> None:
+    """Pictures of a smooth wall, 10 m away, along a path beside it; a dark square passes before it."""
+    frames = []
+    row, column = np.mgrid[:48, :64]
+    for k in range(12):
+        x_m = (column - 31.5) / 6.4 + 0.2 * k
+        wall = 128 + 60 * np.stack([np.sin(x_m), np.cos(1.3 * x_m + row / 9), np.sin(row / 7)], axis=-1)
+        hides = (np.abs(row - 24) < 9) & (np.abs(column - 8 - 4 * k) < 7)
+        pictures = {
+            "file_path": np.where(hides[..., None], 10, wall).astype(np.uint8),
+            "clean_plate_path": wall.astype(np.uint8),
+            "mask_path": np.where(hides, 0, 255).astype(np.uint8),
+            "depth_file_path": np.where(hides, 5000, 10000).astype(np.uint16),
+        }
+        T = np.eye(4)
+        T[0, 3], T[1, 1], T[2, 2] = 0.2 * k, -1.0, -1.0
+        frame = {"w": 64, "h": 48, "fl_x": 64.0, "cx": 32.0, "cy": 24.0, "transform_matrix": T.tolist()}
+        for name, picture in pictures.items():
+            frame[name] = f"{name}/left/{k}.png"
+            (folder / name / "left").mkdir(parents=True, exist_ok=True)
+            cv2.imwrite(str(folder / frame[name]), picture)
+        frames.append(frame)
+    (folder / "transforms.json").write_text(json.dumps({"frames": frames}))
+
+
+def test_masks_bring_splats_nearer_to_the_clean_plate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On held-out views, above all where a square hid the wall that other views show."""
+    pytest.importorskip("jax", reason="splats need the extra `splats`")
+    pytest.importorskip("optax", reason="splats need the extra `splats`")
+    write_wall(tmp_path)
+    monkeypatch.syspath_prepend(EXAMPLES)
+    found = load("13_splats").main(tmp_path, shrink=1, rounds=1, steps=100, every=4)
+    assert found["with masks"][0] > 26.0
+    assert found["with masks"][1] > 24.0
+    assert found["with masks"][1] > found["without masks"][1] + 3.0
+
+
 def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> None:
     """Half a minute among traffic of an unseen seed brings it a good way along the route, without a touch."""
     pytest.importorskip("torch", reason="learning needs the extra `learn`")
     monkeypatch.syspath_prepend(EXAMPLES)
     example = load("11_learn_from_the_driver")
     env = example.make_env(30.0)
-    ride = example.ride(env, 10_000, example.Pupil.load(EXAMPLES / "learning" / "town01_pupil.pt"))
+    pupil = example.Pupil.load(EXAMPLES / "learning" / "town01_pupil.pt")
+    ride = example.ride(env, 10_000, pupil, traffic="dynamic,green_wave=true")
     assert ride.ended_by == "time"
     assert ride.completion > 0.15
     env.close()
@@ -246,7 +287,7 @@ def test_the_agent_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
     monkeypatch.syspath_prepend(EXAMPLES)
     beside = load("20_drive_unseen_towns")
-    env = beside.drive_env(["Town01"], task={"time_limit_s": 30.0})
+    env = beside.drive_env(["Town01"], traffic="dynamic,green_wave=true", task={"time_limit_s": 30.0})
     agent = beside.new_agent(beside.DummyVecEnv([lambda: env]))
     beside.load(agent, EXAMPLES / "learning" / "town01_agent.pt")
     ride = beside.by_agent(env, lambda seen: beside.act(agent, seen), 10_000)

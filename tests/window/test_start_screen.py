@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shared_fixtures.drives.sticks import GAMEPAD, WHEEL
 
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.town.sources import known_towns
 from recorder.cli.commands.record import _chooses
 from recorder.cli.main import main, make_parser
 from recorder.devices.inputs import Inputs
+from recorder.devices.virtual_stick import GAMEPAD, WHEEL
 from recorder.window.start_screen import DriveChoice, StartScreen
 from recorder.window.window import Window
 

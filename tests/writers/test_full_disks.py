@@ -13,10 +13,13 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import EVENT, Image, Sample
 from recorder.writers.base import Writer
+from recorder.writers.formats.colmap import ColmapEncoder, ColmapWriter
 from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
 from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
+from recorder.writers.formats.nuscenes import NuscenesEncoder, NuscenesWriter
 from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter
+from recorder.writers.formats.town_ground import TownGround
 from recorder.writers.rig_calibration import (
     CameraCalibration,
     ImuCalibration,
@@ -27,8 +30,14 @@ from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
 
 WIDTH, HEIGHT, STEP_NS, STEPS = 96, 64, 50_000_000, 6
+EYE = Pinhole.from_fov(WIDTH, HEIGHT, 90.0)
+STREAMS = ("lidar_semantic", "rgb_left")
+GROUND = TownGround(
+    name="a", origin_m=np.zeros(2), mask=np.zeros((9, 9), np.uint8), parked_centre_m=np.zeros((0, 3)),
+    parked_heading_rad=np.zeros(0), parked_size_m=np.zeros((0, 3)),
+)  # fmt: skip
 RIG = RigCalibration.of(
-    cameras=[CameraCalibration(name="left", T_base_camera=np.eye(4), pinhole=Pinhole())],
+    cameras=[CameraCalibration(name="left", T_base_camera=np.eye(4), pinhole=EYE)],
     imu=ImuCalibration(),
     lidar=LidarCalibration(),
 )
@@ -40,6 +49,10 @@ WRITERS: dict[str, Callable[[Path], Writer]] = {
     ),
     "euroc": lambda folder: EurocWriter(folder / "mav0", EurocEncoder(RIG)),
     "kitti": lambda folder: KittiWriter(folder / "kitti", KittiEncoder(RIG)),
+    "nuscenes": lambda folder: NuscenesWriter(
+        folder / "nuscenes", NuscenesEncoder(RIG, STREAMS), ground=lambda: GROUND, about={}
+    ),
+    "colmap": lambda folder: ColmapWriter(folder / "colmap", ColmapEncoder(RIG, STREAMS)),
     "dsec": lambda folder: DsecWriter(folder / "events_left.h5", DsecEncoder("events_left")),
     "preview": lambda folder: PreviewWriter(
         folder / "preview.mp4", PreviewEncoder({"rgb_left": "rgb"}), rate_hz=20.0

@@ -25,6 +25,7 @@ from carlaloc_env.render.gl_context import Programs
 from carlaloc_env.render.textures.ground import BLOCK_PATTERNS
 from carlaloc_env.scene.materials import Material, material_values
 from carlaloc_env.scene.mesh import VERTEX_FIELDS, Mesh, face_vectors
+from carlaloc_env.scene.mottle import mottle_table
 
 _FACTOR = 0x9E3779B97F4A7C15
 """Odd number near 2⁶⁴ divided by the golden ratio, by which hashes are mixed (Knuth, TAOCP 3, 6.4)."""
@@ -102,13 +103,14 @@ def block_tables() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Blocks of every material as the shaders read them; those that are laid of none are one without tone.
 
     Returns:
-        Columns and rows of a tile, offset of courses, frequency [1/m], (M, 4), and the range of the tones
-        and whether the texture's blocks are shuffled, (M, 2).
+        Columns and rows of a tile, offset of courses, frequency [1/m], (M, 4), and the range of the tones,
+        whether the texture's blocks are shuffled, and the mottle, (M, 3).
     """
-    blocks, variety = np.tile([1.0, 1.0, 0.0, 0.0], (len(Material), 1)), np.zeros((len(Material), 2))
+    blocks, variety = np.tile([1.0, 1.0, 0.0, 0.0], (len(Material), 1)), np.zeros((len(Material), 3))
+    variety[:, 2] = mottle_table()[:, 0]
     for material, pattern in BLOCK_PATTERNS.items():
         blocks[material] = pattern.columns, pattern.rows, pattern.offset, pattern.cycles_per_m
-        variety[material] = pattern.tone_range, pattern.shuffled
+        variety[material, :2] = pattern.tone_range, pattern.shuffled
     return blocks.astype(np.float32), variety.astype(np.float32)
 
 

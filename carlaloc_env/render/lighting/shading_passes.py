@@ -32,6 +32,7 @@ from carlaloc_env.render.lighting.light_tiles import RETROREFLECTION, TILE_PX, T
 from carlaloc_env.render.lighting.night_lighting import SKY_M
 from carlaloc_env.render.lighting.uniforms import FOG_FLOOR_M
 from carlaloc_env.render.views import CameraView
+from carlaloc_env.scene import mottle
 
 _SKY_FEATURES = ("TILES", "NIGHT", "LINEAR", "GLOWS")
 """Features that the sky's program has."""
@@ -224,6 +225,13 @@ def shader_constants() -> tuple[str, ...]:
         "RETROREFLECTION": RETROREFLECTION,
         "GLOW_SKY_M": SKY_M,
         "FOG_FLOOR_M": FOG_FLOOR_M,
+        "MOTTLE_UP": mottle.UP,
+        "MOTTLE_STEEP": mottle.STEEP,
+        "MOTTLE_SEEN": mottle.SEEN,
+        "MOTTLE_CYCLES_PER_M": mottle.CYCLES_PER_M,
+        "MOTTLE_GAINS": mottle.GAINS,
+        "MOTTLE_WEAR_PER_M": mottle.WEAR_PER_M,
+        "MOTTLE_WEAR_SHIFT": mottle.WEAR_SHIFT,
         "TONE_SHOULDER": TONE_SHOULDER,
         "TONE_PER_ROOM": math.log2(math.e) / TONE_ROOM,
     }

@@ -18,6 +18,10 @@ SKY_SIZE_PX = 512
 """Edge length of the hemi-octahedral sky map [px]."""
 KEPT_SKIES = 4
 """Weathers whose light is kept, those used last: renderers of one process often share them. 6 MB each."""
+SUN_MRAD, AUREOLE_MRAD, CIRCUMSOLAR = 4.65, 43.6, 0.02
+"""Radii of the sun and of its aureole [mrad], and the aureole's share of the light on a clear day."""
+SUN_MOST_CD_M2 = 120e3
+"""Luminance at which the sun is cut [cd/m²]: several times what saturates a picture."""
 GROUND_ALBEDO = 0.18
 """Mean reflectance of the ground, which lights surfaces from below."""
 
@@ -41,6 +45,8 @@ class SkyLight:
 
     sky_cd_m2: Array
     """Luminance of the upper half-sphere in hemi-octahedral layout, shape (S, S, 3)."""
+    sun_cd_m2: Array
+    """Luminance of the sun and its aureole in the same layout, beside the sky's, for those who look there."""
     sun_direction: Array
     """Unit vector towards the sun, shape (3,)."""
     sun_lx: Array
@@ -68,6 +74,7 @@ def sky_light(weather: WeatherParameters) -> SkyLight:
     ground = GROUND_ALBEDO * horizontal_lx / math.pi
     return SkyLight(
         sky_cd_m2=sky,
+        sun_cd_m2=_sun_seen(weather, directions, sun_lx),
         sun_direction=sun,
         sun_lx=sun_lx,
         irradiance=_harmonics(sky, ground, directions, solid_angle_sr),
@@ -135,6 +142,21 @@ def _sun_lx(weather: WeatherParameters) -> Array:
     colour /= np.sum(colour * _LUMA)
     lx = 127_500.0 * through * (1.0 - weather.overcast)
     return np.asarray(colour * (lx if lx > 300.0 else 0.0), dtype=np.float64)
+
+
+def _sun_seen(weather: WeatherParameters, directions: Array, sun_lx: Array) -> Array:
+    """Luminance of the sun and its aureole after Buie, Monger and Dey (Solar Energy 74, 2003), (S, S, 3)."""
+    if not sun_lx.any():
+        return np.zeros_like(directions)
+    cosine = np.sum(directions * weather.sun_direction, axis=-1)
+    away_mrad = 1e3 * np.arccos(np.clip(cosine, -1.0, 1.0))
+    steep = 2.2 * math.log(0.52 * CIRCUMSOLAR) * CIRCUMSOLAR**0.43 - 0.1
+    level = math.exp(0.9 * math.log(13.5 * CIRCUMSOLAR) * CIRCUMSOLAR**-0.3)
+    share = np.where(away_mrad < SUN_MRAD, 1.0, level * np.maximum(away_mrad, SUN_MRAD) ** steep)
+    share *= away_mrad < AUREOLE_MRAD
+    share *= 1.0 - _clouds(weather.cloudiness / 100.0, directions)
+    seen = share[..., None] * (sun_lx / (math.pi * 1e-6 * SUN_MRAD**2))
+    return np.asarray(np.minimum(seen, SUN_MOST_CD_M2), dtype=np.float64)
 
 
 def _day_sky(weather: WeatherParameters, directions: Array) -> Array:

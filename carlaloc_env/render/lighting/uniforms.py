@@ -127,10 +127,12 @@ class Skies:
             return self._kept[weather]
         light = sky_light(weather)
         exposed = np.ones((*light.sky_cd_m2.shape[:2], 4), dtype=np.float32)
-        exposed[..., :3] = light.sky_cd_m2 * light.exposure
+        exposed[..., :3] = (light.sky_cd_m2 + light.sun_cd_m2) * light.exposure
         texture = self._context.texture(exposed.shape[1::-1], 4, exposed.astype("f2").tobytes(), dtype="f2")
         texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
         texture.repeat_x = texture.repeat_y = False
+        # Surfaces mirror the sun as a light of its own.
+        exposed[..., :3] = light.sky_cd_m2 * light.exposure
         brightest = max(float(exposed[..., :3].max()), 1e-6)
         self._kept[weather] = Sky(
             light=light,

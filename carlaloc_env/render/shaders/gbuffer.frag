@@ -12,7 +12,7 @@ in vec2 v_uv;
 #ifdef WORN
 in vec3 v_world;
 flat in vec4 v_blocks;   // columns and rows of a tile, offset of courses, frequency [1/m]
-flat in vec2 v_variety;  // range of the blocks' tones; 1 = the texture's blocks are shuffled
+flat in vec3 v_variety;  // range of the blocks' tones; 1 = the texture's blocks are shuffled; mottle
 #endif
 
 uniform sampler2DArray u_textures;  // square root of the linear albedo, roughness
@@ -37,9 +37,12 @@ void main() {
     vec4 texel = textureGrad(u_textures, vec3(uv, v_layer), dFdx(v_uv), dFdy(v_uv));
 #else
     // Dirt and wear at scales the repeating textures lack; none on paint, glass and metal.
-    vec2 p = v_world.xy + v_world.z * vec2(0.43, 0.61);
+    vec2 p = v_world.xy + v_world.z * MOTTLE_UP;
     float footprint = max(length(dFdx(p)), length(dFdy(p)));
-    float patches = noise(p * 0.71 + 17.3) - 0.5;
+    float patches = noise(p * MOTTLE_WEAR_PER_M + MOTTLE_WEAR_SHIFT) - 0.5;
+    vec2 on_wall = vec2(v_normal.x * v_world.y - v_normal.y * v_world.x, v_world.z);
+    vec2 q = abs(v_normal.z) < MOTTLE_STEEP ? on_wall : v_world.xy;
+    float mottle = 1.0 + v_variety.z * mottled(q, footprint);
     float slow = noise(p * 0.13) - 0.5;
     float wear = slow * band(footprint, 0.13) + 0.8 * patches * band(footprint, 0.71);
     // Each slab, brick, stone, panel and board has its tone, since textures alone repeat after a tile.
@@ -61,14 +64,14 @@ void main() {
     vec3 albedo = texel.rgb * texel.rgb * v_colour;
 #ifdef WORN
 #ifndef LEVEL
-    albedo *= (1.0 + 0.45 * v_surface.y * wear) * (1.0 + tone);
+    albedo *= (1.0 + 0.45 * v_surface.y * wear) * (1.0 + tone) * mottle;
     // A field stone's roughness is a number of its own, which with the place gives its tone; mortar has none.
     float stone = texel.a - v_surface.x;
     float wave = 4.0 * abs(fract(4.0 * stone + 1.5 * patches + 3.0 * slow) - 0.5) - 1.0;
     albedo *= rubble ? 1.0 + 0.25 * min(40.0 * abs(stone), 1.0) * wave * band(footprint, 5.0) : 1.0;
 #else
     float level = smoothstep(LEVEL_FROM, 0.97, v_normal.z);
-    albedo *= (1.0 + mix(0.45, 0.20, level) * v_surface.y * wear) * (1.0 + level * tone);
+    albedo *= (1.0 + mix(0.45, 0.20, level) * v_surface.y * wear) * (1.0 + level * tone) * mottle;
     // Lawns and fields dry out in places.
     vec3 straw = mix(vec3(0.92, 0.96, 0.95), vec3(1.22, 1.06, 1.05), clamp(0.5 + 1.1 * wear, 0.0, 1.0));
     albedo *= v_layer == float(GRASS) || v_layer == float(CROP) ? straw : vec3(1.0);

@@ -24,7 +24,7 @@ uniform vec2 u_range;
 uniform vec4 u_surface[MATERIALS];
 #ifdef WORN
 uniform vec4 u_blocks[MATERIALS];
-uniform vec2 u_variety[MATERIALS];
+uniform vec3 u_variety[MATERIALS];
 #endif
 
 #ifdef SWAY
@@ -40,7 +40,7 @@ out vec2 v_uv;
 #ifdef WORN
 out vec3 v_world;
 flat out vec4 v_blocks;
-flat out vec2 v_variety;
+flat out vec3 v_variety;
 #endif
 
 void main() {

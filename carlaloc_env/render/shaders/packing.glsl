@@ -48,3 +48,11 @@ float noise(vec2 p) {
 float band(float footprint, float frequency) {
     return clamp(1.6 - 2.0 * footprint * frequency, 0.0, 1.0);
 }
+
+// Variation of the reflectance within metres, as far as it is seen; `scene/mottle.py` has all of it for LiDARs.
+float mottled(vec2 p, float footprint) {
+    const vec3 f = MOTTLE_CYCLES_PER_M;
+    vec3 seen = vec3(band(footprint, f.x), band(footprint, f.y), band(footprint, f.z));
+    vec3 layers = vec3(noise(p * f.x), noise(p * f.y), noise(p * f.z)) - 0.5;
+    return dot(MOTTLE_SEEN * MOTTLE_GAINS * seen, layers);
+}

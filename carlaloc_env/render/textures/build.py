@@ -140,7 +140,7 @@ FACADES = (
     Material.SHOP_FRONT_B, Material.SIDING, Material.WINDOW, Material.WINDOW_WIDE,
 )  # fmt: skip
 """Materials of façades and roofs, whose contrast is reduced, as haze and distance do in photographs."""
-FACADE_CONTRAST = 0.66
+FACADE_CONTRAST = 0.85
 """Exponent of the façades' albedo about its mean."""
 
 

@@ -13,6 +13,7 @@ Each row has its own times of exposure; the light of a pixel is the mean over th
 import math
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,11 +35,12 @@ class Imager:
         x, y = u - np.float32(shape[1] / 2), v - np.float32(shape[0] / 2)
         rr = (x * x + y * y) / np.float32((shape[1] ** 2 + shape[0] ** 2) / 4)
         light = np.float32(1) - np.float32(config.vignetting) * rr
-        self._response = np.repeat(light[..., None], 3, axis=2)
-        self._offset_e = np.zeros((*shape, 3), np.float32)
+        pixels = shape if config.bayer else (*shape, 3)
+        self._response = light.copy() if config.bayer else np.repeat(light[..., None], 3, axis=2)
+        self._offset_e = np.zeros(pixels, np.float32)
         if config.noise:
             generator = clock.stream(seed, f"{self._name}/pattern")
-            spread = generator.standard_normal((2, *shape, 3), dtype=np.float32)
+            spread = generator.standard_normal((2, *pixels), dtype=np.float32)
             self._response *= np.float32(1) + np.float32(config.response) * spread[0]
             self._offset_e = np.float32(config.dark_signal_e) * spread[1]
         top = 1 << config.adc_bits
@@ -61,7 +63,11 @@ class Imager:
         """
         config = self.config
         exposure_s, gain = config.split(product_s)
-        electrons = radiance_cd_m2 * np.float32(config.electrons_per_cd_m2_s * exposure_s)
+        light = radiance_cd_m2
+        if config.lens_blur_px:
+            light = np.asarray(cv2.GaussianBlur(light, (5, 5), config.lens_blur_px), np.float32)
+        light = mosaic(light) if config.bayer else light
+        electrons = light * np.float32(config.electrons_per_cd_m2_s * exposure_s)
         electrons *= self._response
         if config.noise:
             generator = clock.stream(self._seed, f"{self._name}/noise", stamp_ns)
@@ -70,8 +76,18 @@ class Imager:
         top = (1 << config.adc_bits) - 1
         electrons *= np.float32(top * gain / config.full_well_e)
         numbers = np.clip(np.rint(electrons), 0, top).astype(np.uint16)
+        if config.bayer:
+            # OpenCV names a pattern after its second row and column.
+            numbers = np.asarray(cv2.cvtColor(numbers, cv2.COLOR_BayerBG2RGB), np.uint16)
         picture: NDArray[np.uint8] = self._curve[numbers]
         return picture
+
+
+def mosaic(radiance_cd_m2: F32) -> F32:
+    """Light that passes each pixel's colour filter, RGGB from the upper left, shape (H, W)."""
+    seen = radiance_cd_m2[..., 1].copy()
+    seen[::2, ::2], seen[1::2, 1::2] = radiance_cd_m2[::2, ::2, 0], radiance_cd_m2[1::2, 1::2, 2]
+    return seen
 
 
 SAME_DEPTH = np.float32(0.10)

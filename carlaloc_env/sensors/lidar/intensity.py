@@ -19,6 +19,7 @@ from carlaloc_env.raycast import Hits
 from carlaloc_env.scene.materials import material_values
 from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS, Atmosphere, DropEcho, FogEcho, wet_reflectance
 from carlaloc_env.sensors.lidar.kernels import strengths
+from carlaloc_env.sensors.lidar.reflection import echo_power, reflection_table
 
 if TYPE_CHECKING:
     from carlaloc_env.sensors.ranging_config import LidarConfig
@@ -119,16 +120,28 @@ class EchoModel:
         self._config = config
         self._reflectance = material_values("reflectance")
         self._retro = material_values("retro")
+        self._rough = reflection_table() if config.receiver else None
+
+    @property
+    def power_min(self) -> float:
+        """Weakest echo that is seen: of a 90 % target at the longest range (LISA), or the receiver's."""
+        receiver = self._config.receiver
+        return 0.1 / receiver.reach_m**2 if receiver else 0.9 / self._config.range_max_m**2
 
     def strength(self, hits: Hits) -> F32:
         """Return strength 0–255: diffuse surfaces up to 100, retro-reflectors above (Velodyne's scale)."""
-        strength, seen = np.empty(len(hits), np.float32), (hits.range_m, hits.material, hits.cos_incidence)
+        if self._rough:
+            return np.minimum(100.0 * self.power(hits), 255.0).astype(np.float32)
+        strength = np.empty(len(hits), np.float32)
+        seen = hits.range_m, hits.material, hits.cos_incidence, hits.tone
         strengths(*seen, self._reflectance, self._retro, self._config.attenuation_per_m, strength)
         return strength
 
     def power(self, hits: Hits) -> Array:
         """Strength of echoes without their R⁻²: ρ·cosθ, and ten times as much for retro-reflectors."""
-        diffuse = self._reflectance[hits.material] * hits.cos_incidence
+        if self._rough:
+            return echo_power(self._rough, hits)
+        diffuse = self._reflectance[hits.material] * hits.tone * hits.cos_incidence
         return (diffuse + 10.0 * self._retro[hits.material]).astype(np.float64)
 
     def is_detected(self, hits: Hits) -> NDArray[np.bool_]:
@@ -178,7 +191,7 @@ class EchoModel:
             echoes,
             beam_rad=1e-3 * (config.divergence_mrad or BEAM_MRAD),
             range_min_m=config.range_min_m,
-            power_min=0.9 / config.range_max_m**2,
+            power_min=self.power_min,
             spray_m=spray_m,
             uniform=uniform,
         )

@@ -133,6 +133,7 @@ def strengths(
     range_m: F32,
     material: NDArray[np.uint8],
     cos_incidence: F32,
+    tone: F32,
     reflectance: F32,
     retro: F32,
     attenuation_per_m: float,
@@ -144,6 +145,7 @@ def strengths(
         range_m: Distance, inf where nothing was hit [m], shape (N,).
         material: Material of each hit, shape (N,).
         cos_incidence: Cosine between ray and normal, shape (N,).
+        tone: Reflectance at the place over the material's mean, shape (N,).
         reflectance: Diffuse reflectance by material.
         retro: Fraction of retro-reflection by material.
         attenuation_per_m: Loss of intensity over distance [1/m].
@@ -151,7 +153,7 @@ def strengths(
     """
     for i in range(len(range_m)):
         cosine, kind = float(cos_incidence[i]), material[i]
-        strength = 100.0 * reflectance[kind] * cosine
+        strength = 100.0 * reflectance[kind] * tone[i] * cosine
         if retro[kind] > 0:
             strength += 155.0 * retro[kind] * math.sqrt(cosine)
         if strength > 0:

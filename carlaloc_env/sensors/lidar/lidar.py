@@ -4,7 +4,7 @@ A hit is in the sensor's frame at the time of its own ray, as with a real sensor
 semantic cloud come from the same rays and carry the same noise.
 
 The scan pattern has the directions and times of the rays of one revolution. A beam that diverges is several
-rays, whose energies make one echo.
+rays, whose energies make one echo. With a receiver, only beams on edges are cast in parts.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from carlaloc_env.assets.vehicles.roof_rack import roof_rack
 from carlaloc_env.core import clock, elementary, transforms
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
@@ -27,6 +28,7 @@ from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.scene.materials import tags_in
 from carlaloc_env.sensors.base import Sensor, World
 from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at, spray_ranges
+from carlaloc_env.sensors.lidar.beams import on_edges, part_beams, sub_rays, weigh
 from carlaloc_env.sensors.lidar.intensity import EchoModel
 from carlaloc_env.sensors.lidar.kernels import (
     ColumnMotion,
@@ -36,53 +38,25 @@ from carlaloc_env.sensors.lidar.kernels import (
     empty_points,
     points_of,
 )
+from carlaloc_env.sensors.lidar.receiver import Receiver, ground_relief
 from carlaloc_env.sensors.ranging_config import OUTPUTS, LidarConfig
 from carlaloc_env.sensors.stochastic_processes import white
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WeatherParameters
 
-PULSE_LENGTH_M = 0.6
-"""Surfaces nearer to each other than this give one echo between them [m]."""
-_RING = 0.35
-"""Where the rays around the middle lie, in beam widths: the radius that halves the beam's energy."""
 
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cast:
+    """Rays of a scan that may return something, M of them, and what they meet."""
 
-def sub_rays(directions: Array, divergence_rad: float) -> Iterator[Array]:
-    """Unit directions of four rays around each of N, a beam of full width `divergence_rad`, each (N, 3)."""
-    flat = np.stack([-directions[:, 1], directions[:, 0], np.zeros(len(directions))], axis=-1)
-    size = np.sqrt(np.sum(flat * flat, axis=-1))[:, None]
-    sideways = np.where(size > 1e-9, flat / np.maximum(size, 1e-9), np.array([0.0, 1.0, 0.0]))
-    above = transforms.cross(directions, sideways)
-    for right, up in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        moved = directions + _RING * divergence_rad * (right * sideways + up * above)
-        yield moved / np.sqrt(np.sum(moved * moved, axis=-1))[:, None]
-
-
-def weigh(beams: list[Hits], power: Callable[[Hits], Array]) -> Hits:
-    """One hit per beam out of its rays: the strongest group of surfaces, at its energy's middle.
-
-    Args:
-        beams: Hits of S rays of each of N beams, the middle ray first.
-        power: ρ·cosθ of hits; echoes fall with R⁻² beyond it.
-    """
-    ranges = np.stack([hits.range_m.astype(np.float64) for hits in beams])
-    met = np.isfinite(ranges)
-    safe = np.where(met, ranges, 1.0)
-    energy = np.where(met, np.stack([power(hits) for hits in beams]) / (safe * safe), 0.0)
-    total, middle = np.zeros_like(ranges), np.zeros_like(ranges)
-    for k in range(len(beams)):
-        near = met & met[k] & (np.abs(ranges - safe[k]) < PULSE_LENGTH_M)
-        group = np.where(near, energy, 0.0)
-        total[k] = np.sum(group, axis=0)
-        middle[k] = np.sum(group * safe, axis=0) / np.where(total[k] > 0, total[k], 1.0)
-    # The middle ray decides between equals, and where nothing reflects at all.
-    best = np.argmax(np.where(met, total * (1 + 1e-9 * (np.arange(len(beams)) == 0)[:, None]), -1.0), axis=0)
-    result = Hits.none(len(best))
-    for k, hits in enumerate(beams):
-        rows = np.flatnonzero((best == k) & met[k])
-        result.put(rows, hits.take(rows))
-        result.range_m[rows] = np.where(total[k, rows] > 0, middle[k, rows], ranges[k, rows])
-    return result
+    rays: Index
+    """Numbers of the rays, shape (M,)."""
+    hits: Hits
+    """First hits, shape (M,)."""
+    share: F32
+    """Energy that each hit returns over that of a whole beam on its surface, shape (M,)."""
+    relief_m: F32
+    """Height of the ground above its mesh at each hit [m], shape (M,)."""
 
 
 class ScanPattern:
@@ -115,8 +89,8 @@ class ScanPattern:
         self._later_s = np.tile(1e-9 * self._firing_ns, config.columns)
         self.offset_ns = (self._column_ns[:, None] + self._firing_ns).reshape(-1).astype(np.uint32)
 
-    def cast(self, timeline: Timeline, stamp_ns: int, power: Callable[[Hits], Array]) -> tuple[Index, Hits]:
-        """Rays that may return something in a scan (M,), and their first hits.
+    def cast(self, timeline: Timeline, stamp_ns: int, power: Callable[[Hits], Array]) -> Cast:
+        """Rays that may return something in a scan, and their first hits.
 
         Args:
             timeline: Where everything is.
@@ -127,18 +101,57 @@ class ScanPattern:
         body, free, free_ns = self._own_body
         world, aimed = self._world.rays(), self.aimed(timeline, stamp_ns, free)
         stamps_ns = stamp_ns + free_ns
+        share, relief_m = np.ones(config.rays, np.float32), np.zeros(config.rays, np.float32)
         found = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
-        if config.divergence_mrad:
-            beams = [found]
-            for along in sub_rays(aimed[:, 3:].astype(np.float64), 1e-3 * config.divergence_mrad):
-                aimed[:, 3:] = along
-                beams.append(world.trace(aimed, stamps_ns, timeline, config.range_max_m))
-            found = weigh(beams, power)
+        if config.receiver:
+            if config.receiver.edge_rays:
+                range_m = body.range_m.copy()
+                range_m[free] = found.range_m
+                edges = np.flatnonzero(on_edges(range_m, config.columns)[free])
+                along = part_beams(aimed[edges, 3:].astype(np.float64), config.receiver)
+                mixed, share[free[edges]] = self._mixed(
+                    found.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power
+                )
+                found.put(edges, mixed)
+            if config.receiver.relief and self._world.roughness is not None:
+                place = (*world.middle_m[:2].tolist(), 1e-3 * config.receiver.beam_mrad[1])
+                relief_m[free] = ground_relief(aimed, found, self._world.roughness, place)
+        elif config.divergence_mrad:
+            along = sub_rays(aimed[:, 3:].astype(np.float64), 1e-3 * config.divergence_mrad)
+            found, _ = self._mixed(found, aimed, along, stamps_ns, timeline, power)
         if not config.ego_returns:
-            return free, found
+            return Cast(rays=free, hits=found, share=share[free], relief_m=relief_m[free])
         hits = dataclasses.replace(body, **{name: getattr(body, name).copy() for name in body.__slots__})
         hits.put(free, found)
-        return np.arange(config.rays), hits
+        return Cast(rays=np.arange(config.rays), hits=hits, share=share, relief_m=relief_m)
+
+    def _mixed(
+        self,
+        middle: Hits,
+        aimed: F32,
+        directions: Iterator[Array],
+        stamps_ns: NDArray[np.int64],
+        timeline: Timeline,
+        power: Callable[[Hits], Array],
+    ) -> tuple[Hits, Array]:
+        """What beams of several rays return, as `weigh` gives it.
+
+        Args:
+            middle: Hits of the middle rays.
+            aimed: The middle rays, as `RayScene.trace` takes them, shape (N, 6).
+            directions: Unit directions of the other rays, world, each (N, 3).
+            stamps_ns: When each beam is cast [ns], shape (N,).
+            timeline: Where everything is.
+            power: Strength of echoes.
+        """
+        parts = list(directions)
+        rays = np.tile(aimed, (len(parts), 1))
+        rays[:, 3:] = np.concatenate(parts)
+        hits = self._world.rays().trace(
+            rays, np.tile(stamps_ns, len(parts)), timeline, self._config.range_max_m
+        )
+        beams = [middle, *(hits.take(part) for part in np.arange(len(rays)).reshape(len(parts), -1))]
+        return weigh(beams, power)
 
     @cached_property
     def _own_body(self) -> tuple[Hits, Index, NDArray[np.int64]]:
@@ -147,7 +160,12 @@ class ScanPattern:
         They are the same in every sweep, since body and LiDAR are rigid.
         """
         origins = np.broadcast_to(self._T_base_lidar[:3, 3], self._directions_base.shape)
-        own = self._world.rays().cast_ego(origins, self._directions_base, self._config.range_max_m)
+        own = self._world.rays().cast_ego(
+            origins,
+            self._directions_base,
+            self._config.range_max_m,
+            roof_rack() if self._config.roof_rack else None,
+        )
         free = np.flatnonzero(~np.isfinite(own.range_m))
         return own, free, self.offset_ns[free].astype(np.int64)
 
@@ -201,7 +219,8 @@ class LidarSensor(Sensor):
         self.depends_on_weather = config.weather
         self._pattern = ScanPattern(config, world)
         self._echoes = EchoModel(config)
-        self._last_cast: tuple[Timeline, int, tuple[Index, Hits, F32]] | None = None
+        self._receiver: Receiver | None = None
+        self._last_cast: tuple[Timeline, int, tuple[Cast, F32]] | None = None
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Padded rows: x, y, z [m], intensity; semantic: x, y, z [m], cos incidence, instance, tag."""
@@ -234,34 +253,38 @@ class LidarSensor(Sensor):
             # One number for every ray that is fired, so that a car in the way of some rays does not
             # change the noise of the others.
             drawn = beside.submit(white, self._world.seed, f"{config.name}/range", stamp_ns, config.rays)
-            rays, hits, strength = self._cast(timeline, stamp_ns)
+            cast, strength = self._cast(timeline, stamp_ns)
             noise = drawn.result()
         if not config.weather:
-            clouds = self._clouds(stamp_ns, noise, rays, hits, strength)
+            clouds = self._clouds(stamp_ns, noise, cast, strength)
             return [clouds for _ in weathers]
-        seen = (self._in_weather(timeline, stamp_ns, rays, hits, weather) for weather in weathers)
+        seen = (self._in_weather(timeline, stamp_ns, cast, weather) for weather in weathers)
         return [self._clouds(stamp_ns, noise, *found) for found in seen]
 
-    def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[Index, Hits, F32]:
-        """Rays of a sweep, their hits and how strong those are in clear air.
+    def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[Cast, F32]:
+        """Rays of a sweep, what they meet and how strong that is in clear air.
 
         Asked for again, as under another seed, they are not cast again.
         """
         last = self._last_cast
         if last is None or last[0] is not timeline or last[1] != stamp_ns:
-            rays, hits = self._pattern.cast(timeline, stamp_ns, self._echoes.power)
+            cast = self._pattern.cast(timeline, stamp_ns, self._echoes.power)
             # In weather, strengths are worked out together with the echoes.
-            strength = np.empty(0, np.float32) if self.config.weather else self._echoes.strength(hits)
-            last = self._last_cast = timeline, stamp_ns, (rays, hits, strength)
+            strength = np.empty(0, np.float32) if self.config.weather else self._echoes.strength(cast.hits)
+            last = self._last_cast = timeline, stamp_ns, (cast, strength)
         return last[2]
 
     def _stream_names(self) -> dict[str, str]:
         names = {"cloud": self.config.name, "semantic": f"{self.config.name}_semantic"}
         return {output: names[output] for output in OUTPUTS if output in self.config.outputs}
 
-    def _clouds(self, stamp_ns: int, noise: Array, rays: Index, hits: Hits, intensity: F32) -> list[Sample]:
+    def _clouds(self, stamp_ns: int, noise: Array, cast: Cast, intensity: F32) -> list[Sample]:
         """Samples of what rays met, those out of range and dropped ones left out."""
         config, pattern, seed = self.config, self._pattern, self._world.seed
+        rays, hits, noise_m = cast.rays, cast.hits, config.range_noise_m
+        if config.receiver:
+            hits, intensity = self._received(stamp_ns, noise, cast, intensity)
+            noise_m = 0.0
         kept = np.flatnonzero((hits.range_m >= config.range_min_m) & (hits.range_m <= config.range_max_m))
         if config.drop_weak and not config.weather:
             kept = kept[self._echoes.is_detected(hits.take(kept))]
@@ -281,7 +304,7 @@ class LidarSensor(Sensor):
             ring=pattern.ring,
             offset_ns=pattern.offset_ns,
         )
-        points_of(kept, scan, config.range_noise_m, points)
+        points_of(kept, scan, noise_m, points)
         clouds: list[Sample] = []
         for output, stream in self._stream_names().items():
             labelled = output == "semantic"
@@ -302,11 +325,25 @@ class LidarSensor(Sensor):
             )
         return clouds
 
+    def _received(self, stamp_ns: int, noise: Array, cast: Cast, intensity: F32) -> tuple[Hits, F32]:
+        """Hits at their measured ranges, those without an echo at infinity, and measured intensities."""
+        config, seed = self.config, self._world.seed
+        assert config.receiver
+        if self._receiver is None or self._receiver.seed != seed:
+            self._receiver = Receiver(config, config.receiver, seed)
+        ring = self._pattern.ring[cast.rays]
+        hiss = white(seed, f"{config.name}/echo", stamp_ns, config.rays)
+        drawn = np.stack([noise[cast.rays], hiss[cast.rays]])
+        range_m, measured = self._receiver.measure(ring, cast.hits, cast.share, cast.relief_m, drawn)
+        # Weather has decided on intensities already.
+        seen = np.rint(intensity) if config.weather else measured
+        return dataclasses.replace(cast.hits, range_m=range_m), seen
+
     def _in_weather(
-        self, timeline: Timeline, stamp_ns: int, rays: Index, hits: Hits, weather: WeatherParameters
-    ) -> tuple[Index, Hits, F32]:
+        self, timeline: Timeline, stamp_ns: int, cast: Cast, weather: WeatherParameters
+    ) -> tuple[Cast, F32]:
         """Rays, what they return under a weather, and how strongly."""
-        config = self.config
+        config, rays, hits = self.config, cast.rays, cast.hits
         air = atmosphere_at(weather, float(config.mount.T_base_sensor[2, 3]))
         drawn = clock.stream(self._world.seed, f"{config.name}/air", stamp_ns).random((config.rays, 6))
         uniform = (1.0 - drawn)[rays]
@@ -323,4 +360,6 @@ class LidarSensor(Sensor):
                 uniform=uniform[:, 5],
             )
         seen, found, intensity = self._echoes.in_weather(hits, air, spray, uniform)
-        return rays[seen], found, intensity
+        return Cast(
+            rays=rays[seen], hits=found, share=cast.share[seen], relief_m=cast.relief_m[seen]
+        ), intensity

@@ -102,7 +102,7 @@ class Style:
     """Width and height of a window [m]."""
     sill_m: float
     """Height of the window's lower edge above the floor [m]."""
-    recess_m: float = 0.12
+    recess_m: float = 0.20
     """Depth of the window behind the wall [m]."""
     ground: str = "dwelling"
     """Ground floor: dwelling, shop, lobby or hall."""

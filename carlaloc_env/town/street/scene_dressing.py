@@ -35,6 +35,7 @@ from carlaloc_env.town.street.site_plan import (
     spanning_sites,
 )
 from carlaloc_env.town.street.street_furniture import Furnisher, Placement
+from carlaloc_env.town.street.street_greenery import add_street_greenery
 from carlaloc_env.town.structures.exit_signs import add_exit_signs
 from carlaloc_env.town.structures.guard_rails import (
     add_guard_rails,
@@ -186,6 +187,12 @@ def dress(
     for feature in features:
         out.solid.add(feature)
     props = [*furnisher.meshes(ids), *green.meshes(ids)]
+    street_green = PropField()
+    feet = [foot for feet in furnisher.placed.feet.values() for foot in feet]
+    posts_m = np.concatenate([np.array(feet, np.float64).reshape(-1, 3)[:, :2], *clear])
+    add_street_greenery(street_green, land, plots.lots, posts_m)
+    # After all else, so that nothing else changes its id.
+    props += street_green.meshes(ids)
     _add_posts(out.solid, furnisher.placed, light_feet, green.feet_m(is_tree))
     lamps = [furnisher.lamps_m(), roadside.lamps_m, feature_lamps(plots.features, paved, floor)]
     return Dressing(

@@ -43,6 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=seed, help="seed of traffic and driver; else that of each town's standard drive"
     )
+    parser.add_argument(
+        "--pace", choices=("lights", "wave"), default="lights",
+        help="lights as they fall (default), or a green wave for the ego",
+    )  # fmt: skip
     option(parser, "--manifest", OutputFolder(), "DIR", "also write drives, recipe and checksums there")
     option(parser, "--hub", OutputFolder(), "DIR", "also prepare it there for a hub; nothing is sent")
     parser.add_argument("--yes", action="store_true", help="do not ask")
@@ -59,6 +63,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         episodes=arguments.episodes,
         sample_s=arguments.sample,
         seed=arguments.seed,
+        pace=arguments.pace,
         replay=ReplayOptions(**replay_options(arguments)),
     )
     if arguments.hub is not None:

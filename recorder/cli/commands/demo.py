@@ -62,6 +62,7 @@ def _show_steps(arguments: argparse.Namespace, out: Path) -> dict[str, Any]:
         run_systems,
         scores_of,
         write_index,
+        write_scene,
     )
 
     config = DemoConfig(
@@ -89,9 +90,11 @@ def _show_steps(arguments: argparse.Namespace, out: Path) -> dict[str, Any]:
         found = run_systems(config, progress.pieces)
     scores = scores_of(found)
     drawn = draw_story(config, found, result.ground_truth)
+    scene = write_scene(config, result.sequences, scores)
     return {
         "out": str(config.out),
-        "page": str(write_index(config.out, films, scores, drawn, step=ended)),
+        "page": str(write_index(config.out, films, scores, drawn, step=ended, scene=scene)),
+        "scene": str(scene),
         "sequences": [str(path) for path in result.sequences],
         "ground_truth": str(result.ground_truth),
         "ape_m": {
@@ -142,6 +145,7 @@ def show(result: dict[str, Any]) -> None:
         for path in result["sequences"]:
             print(f"A sequence     {path}   (bag, EuRoC mav0/, preview.mp4)")
         print(f"Ground truth   {result['ground_truth']}")
+        print(f"In 3-D         {result['scene']}")
         for path in result["drawn"]:
             print(f"A picture      {path}" if path.endswith(".png") else f"All runs       {path}")
         if result["missing"]:

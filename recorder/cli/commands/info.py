@@ -59,12 +59,14 @@ def show(result: dict[str, Any]) -> None:
     print(f"{result['path']}")
     print(f"  map        {result['map']} ({result['town_hash'][:12]})")
     route = "" if result["route_m"] is None else f", {result['route_m']:.1f} m along the route"
-    print(f"  drive      {result['duration_s']:.1f} s by {result['device']}")
+    print(f"  drive      {result['duration_s']:.1f} s by {result['device']}, ride {result['ride']}")
     print(f"  distance   {result['driven_m']:.1f} m driven{route}")
     if result["closure_m"] is not None:
         ends = f"ends {result['closure_m']:.1f} m and {result['closure_deg']:.1f}° from where it began"
         print(f"  loop       {'closed' if result['loop_closed'] else 'open'}: {ends}")
     print(f"  actors     {result['vehicles']} vehicles, {result['walkers']} walkers, seed {result['seed']}")
+    print(f"  standing   {100 * result['standing']:.0f} % of the time, {result['stops']} stops")
+    print(f"  close      a mover less than 10 m ahead for {result['mover_close_s']:.0f} s")
     broken = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in result["violations"].items())
     print(f"  collisions {result['collisions']}; rules broken: {broken or 'none'}")
     if result["meets_table"] is not None:

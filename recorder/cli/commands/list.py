@@ -98,6 +98,7 @@ def _devices() -> dict[str, str]:
 
     return dict.fromkeys(DEVICES, "") | {
         "scripted": "drives the town's route by itself",
+        "hand": "the same driver on a virtual wheel and its pedals",
         "wheel": "wheel and pedals, by profile or calibrated",
         "gamepad": "gamepad",
         "keyboard": "arrow keys in the window",

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     imported.add_argument("--out", type=files, required=True, help="folder of the town")
     option(imported, "--bbox", numbers, "W,S,E,N", "part of the file, in degrees; --bbox=-1.5,… if W < 0")
-    option(imported, "--name", str, "NAME", "the town's name (default: the file's)", "")
+    imported.add_argument("--name", default="", metavar="NAME", help="the town's name (default: the file's)")
     imported.add_argument(
         "--no-preview", action="store_true", help="draw no preview.png, which builds the town"
     )

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--map", help="town, or a .xodr file (default: Town03; with --from the one that was driven on)"
     )
-    parser.add_argument("--device", help="scripted, wheel, gamepad or keyboard (default: scripted)")
+    parser.add_argument("--device", help="scripted, hand, wheel, gamepad or keyboard (default: scripted)")
     parser.add_argument(
         "--choose",
         action=argparse.BooleanOptionalAction,
@@ -60,6 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed, default=0, help="seed of traffic and scripted driver")
     parser.add_argument(
         "--traffic", help="dynamic (default), static, empty or a fraction, with options: dynamic,walkers=0"
+    )
+    parser.add_argument(
+        "--ride", default="standard", help="standard, or real: rolls and shakes as measured on cars"
     )
     parser.add_argument("--weather", help="weather in the window, or a schedule.yaml (default: ClearNoon)")
     parser.add_argument(

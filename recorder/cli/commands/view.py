@@ -1,8 +1,9 @@
-"""Look at an episode, a sequence or a town in rerun's viewer, or write a recording (.rrd) of it.
+"""Look at an episode, a sequence or a town in rerun's viewer, or write a recording (.rrd) or a page of it.
 
 Examples:
   carlaloc view drive.mcap
   carlaloc view data/Town03/ClearNoon_dynamic --estimate kiss.tum --out look.rrd
+  carlaloc view --html data/Town03/ClearNoon_dynamic --out scene.html
   carlaloc view Town03
 """
 
@@ -30,12 +31,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="whose poses estimates are",
     )
     option(parser, "--period", positive_seconds, "S", "between clouds (default: 0.2)", 0.2)
-    parser.add_argument("--out", type=OutputFile(".rrd"), help="write a recording and open no viewer")
-    force_option(parser, "an older recording")
+    parser.add_argument(
+        "--html", action="store_true", help="write one page that any browser opens, offline; needs --out"
+    )
+    parser.add_argument(
+        "--out", type=OutputFile(".rrd", ".html"), help="write a recording or page and open no viewer"
+    )
+    force_option(parser, "an older file")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Write a recording, and show it if it has no name."""
+    """Write a recording or page, and show the recording if it has no name."""
+    if arguments.html != (arguments.out is not None and arguments.out.suffix.lower() == ".html"):
+        raise UsageError("--html and a page after --out go together; give both: --html --out scene.html")
+    if arguments.html:
+        kind = _record(arguments, arguments.out)
+        return {"kind": kind, "out": str(arguments.out), "bytes": arguments.out.stat().st_size, "html": True}
     from recorder.view.recording import check_display, open_viewer
 
     if arguments.out is not None:
@@ -50,7 +61,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _record(arguments: argparse.Namespace, out: Path) -> str:
-    """Write the recording and return its kind."""
+    """Write the recording or page and return its kind."""
     from recorder.dataset.layout import SEQUENCE, is_sequence
 
     what: Path = arguments.what
@@ -64,6 +75,12 @@ def _record(arguments: argparse.Namespace, out: Path) -> str:
     if what.is_dir() and not (what / "town.xodr").is_file():
         raise ConfigError(f"{what} is no sequence and no town; give a folder that holds {SEQUENCE}")
     from carlaloc_env.town.build import load_town
+
+    if arguments.html:
+        from recorder.view.scene_page import page_of_town
+
+        page_of_town(load_town(what), out, overwrite=arguments.force)
+        return "town"
     from recorder.view.recording import record_town
 
     record_town(load_town(what), out, overwrite=arguments.force)
@@ -73,10 +90,17 @@ def _record(arguments: argparse.Namespace, out: Path) -> str:
 def _episode(arguments: argparse.Namespace, out: Path) -> str:
     from recorder.episode.episode import open_episode
     from recorder.episode.summary import town_of
-    from recorder.view.recording import record_episode
 
     episode = open_episode(arguments.what)
-    record_episode(episode, town_of(episode, arguments.map), out, overwrite=arguments.force)
+    town = town_of(episode, arguments.map)
+    if arguments.html:
+        from recorder.view.scene_page import page_of_episode
+
+        page_of_episode(episode, town, out, overwrite=arguments.force)
+    else:
+        from recorder.view.recording import record_episode
+
+        record_episode(episode, town, out, overwrite=arguments.force)
     return "episode"
 
 
@@ -87,7 +111,6 @@ def _sequence(arguments: argparse.Namespace, out: Path) -> str:
     from recorder.evaluation.associate import Association
     from recorder.evaluation.evaluate import PathErrors, evaluate
     from recorder.evaluation.trajectory_files import read_tum
-    from recorder.view.sequence_view import record_sequence
 
     sequence = SlamSequence(sequence_at(arguments.what).path)
     estimates = []
@@ -97,11 +120,20 @@ def _sequence(arguments: argparse.Namespace, out: Path) -> str:
             PathErrors.of(evaluate(truth, read_trajectory(path), association=Association.INTERPOLATED))
             for path in arguments.estimate
         ]
-    record_sequence(sequence, out, estimates=estimates, period_s=arguments.period, overwrite=arguments.force)
+    settings = {"estimates": estimates, "period_s": arguments.period, "overwrite": arguments.force}
+    if arguments.html:
+        from recorder.view.scene_page import page_of_sequence
+
+        page_of_sequence(sequence, out, **settings)
+    else:
+        from recorder.view.sequence_view import record_sequence
+
+        record_sequence(sequence, out, **settings)
     return "sequence"
 
 
 def show(result: dict[str, Any]) -> None:
     """Print what was written."""
     if result["out"] is not None:
-        print(f"{result['out']}  {result['bytes'] / 1e6:.1f} MB of a {result['kind']}; open it: rerun FILE")
+        how = "in a browser" if result.get("html") else "rerun FILE"
+        print(f"{result['out']}  {result['bytes'] / 1e6:.1f} MB of a {result['kind']}; open it: {how}")

@@ -68,7 +68,7 @@ def lidar_params(sequence: SlamSequence, types: Any) -> Any:
     return types.LidarParams(
         num_rows=len(sequence.lidar.elevations_deg),
         num_columns=sequence.lidar.columns,
-        min_range=max(sequence.lidar.range_min_m, 2.0),
+        min_range=sequence.lidar.near_m,
         max_range=100.0,
         rate=sequence.lidar.rate_hz,
     )

@@ -27,13 +27,18 @@ RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0
 """Returns outside are not used [m]; the voxels of its map are a hundredth of the larger."""
 
 
+def near_m(sequence: ScanSource) -> float:
+    """Distance from which returns of a sequence are not of the car itself [m]; of a stranger's, the usual."""
+    return sequence.lidar.near_m if isinstance(sequence, SlamSequence) else RANGE_MIN_M
+
+
 def run_kiss_icp(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPose]:
     """Poses of the LiDAR."""
     from kiss_icp.config import KISSConfig
     from kiss_icp.kiss_icp import KissICP
 
     config = KISSConfig()
-    config.data.min_range, config.data.max_range, config.data.deskew = RANGE_MIN_M, RANGE_MAX_M, True
+    config.data.min_range, config.data.max_range, config.data.deskew = near_m(sequence), RANGE_MAX_M, True
     config.mapping.voxel_size = RANGE_MAX_M / 100.0
     yield from registered(KissICP(config), sequence, clock)
 
@@ -52,7 +57,7 @@ def run_genz_icp(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPos
     from genz_icp.genz_icp import GenZICP
 
     config = GenZConfig()
-    config.data.min_range, config.data.max_range, config.data.deskew = RANGE_MIN_M, RANGE_MAX_M, True
+    config.data.min_range, config.data.max_range, config.data.deskew = near_m(sequence), RANGE_MAX_M, True
     yield from registered(GenZICP(config), sequence, clock)
 
 
@@ -61,7 +66,8 @@ def run_rko_lio(sequence: SlamSequence, clock: FrameClock) -> Iterator[StampedPo
     from rko_lio.config import LIOConfig
     from rko_lio.lio import LIO
 
-    odometry = LIO(LIOConfig(initialization_phase=True, deskew=True, max_range=100.0, min_range=2.0))
+    near = near_m(sequence)
+    odometry = LIO(LIOConfig(initialization_phase=True, deskew=True, max_range=RANGE_MAX_M, min_range=near))
     T_imu_lidar = sequence.T("imu", "lidar")
     for scan in sequence.scans():
         times_ns = scan.stamp_ns + np.rint(scan.time_s * 1e9).astype(np.int64)
@@ -85,11 +91,12 @@ def run_small_gicp(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedP
 
     target = small_gicp.GaussianVoxelMap(VOXEL_M)
     target.set_lru(horizon=200, clear_cycle=10)
+    near = near_m(sequence)
     pose, step, covariance = np.eye(4), np.eye(4), np.zeros((6, 6))
     is_first = True
     for scan in sequence.scans():
         distance = np.linalg.norm(scan.points_xyz_m, axis=1)
-        kept = scan.points_xyz_m[(distance > RANGE_MIN_M) & (distance < RANGE_MAX_M)]
+        kept = scan.points_xyz_m[(distance > near) & (distance < RANGE_MAX_M)]
         with clock.frame():
             source, _ = small_gicp.preprocess_points(kept, downsampling_resolution=POINT_SPACING_M)
             if not is_first:

@@ -75,8 +75,6 @@ EXTRINSICS = "extrinsics.yaml"
 _BASALT = "basalt.json"
 _A_LOAM_BEAMS = (16, 32, 64)
 """Numbers of beams that A-LOAM takes."""
-_NEAREST_M = 2.0
-"""Returns nearer than this may be the car itself [m]."""
 _GROUND_BELOW_DEG = -5.0
 """LeGO-LOAM looks for the ground in beams below this elevation [deg]."""
 
@@ -189,7 +187,9 @@ def _values(rig: RigCalibration, topics: TopicProfile) -> dict[str, Any]:
             "points_topic": topics.topic(PointCloud, lidar.name),
             "points_frame": topics.frame(PointCloud, lidar.name, lidar.name),
             # Nearer than the farthest return in any case.
-            "near_m": _NEAREST_M if lidar.range_min_m < _NEAREST_M < lidar.range_max_m else lidar.range_min_m,
+            "near_m": lidar.near_m
+            if lidar.range_min_m < lidar.near_m < lidar.range_max_m
+            else lidar.range_min_m,
             "beam_spacing_deg": (beams_deg[-1] - beams_deg[0]) / max(lidar.rings - 1, 1),
             "ground_rings": sum(beam_deg < _GROUND_BELOW_DEG for beam_deg in beams_deg),
         }

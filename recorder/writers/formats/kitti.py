@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
+from carlaloc_env.samples import Image, ObjectList, PointCloud, Sample
 from carlaloc_env.scene.materials import Tag
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, png_of
-from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
+from recorder.writers.formats.ego_path import POSE, EgoPath, is_pose, pose_piece
+from recorder.writers.rig_calibration import RigCalibration
 
 MOVING_FROM_MPS = 0.5
 """Speed from which a road user counts as moving [m/s]."""
@@ -82,13 +83,6 @@ _ROW = np.dtype(
 
 
 @dataclass(frozen=True, slots=True)
-class _Pose:
-    stamp_ns: int
-    values: Array
-    """Position [m] and quaternion xyzw of `base_link`, shape (7,)."""
-
-
-@dataclass(frozen=True, slots=True)
 class _Sweep:
     stamp_ns: int
     sweep_ns: int
@@ -123,9 +117,8 @@ class KittiEncoder(Encoder):
             speed = np.linalg.norm(sample.velocity_mps, axis=1)
             moving = sample.id[speed > MOVING_FROM_MPS].astype("<u4")
             return [Piece(stamp_ns, "moving", "", moving.tobytes())]
-        if isinstance(sample, Odometry) and sample.frame_id == BASE_FRAME:
-            pose = np.concatenate([sample.position_m, sample.quat_xyzw]).astype("<f8")
-            return [Piece(stamp_ns, "pose", "", pose.tobytes())]
+        if is_pose(sample):
+            return [pose_piece(sample)]
         if isinstance(sample, PointCloud) and sample.frame_id == self.lidar.name and sample.tag is not None:
             # The plain cloud has the same points, without labels.
             rows = np.empty(len(sample.tag), _ROW)
@@ -147,7 +140,7 @@ class KittiWriter(Writer):
         super().__init__(target, encoder)
         self._calibration = encoder.calibration
         self._lidar = encoder.lidar
-        self._poses: deque[_Pose] = deque()
+        self._path = EgoPath()
         self._waiting: deque[_Sweep] = deque()
         self._moving = np.zeros(0, np.uint32)
         self._frames: dict[int, int] = {}
@@ -172,8 +165,8 @@ class KittiWriter(Writer):
     def _place(self, piece: Piece) -> None:
         if piece.place == "moving":
             self._moving = np.frombuffer(piece.data, "<u4")
-        elif piece.place == "pose":
-            self._poses.append(_Pose(piece.stamp_ns, np.frombuffer(piece.data, "<f8")))
+        elif piece.place == POSE:
+            self._path.add(piece)
             self._flush(piece.stamp_ns)
         elif piece.place == "cloud":
             self._frames[piece.stamp_ns] = len(self._frames)
@@ -202,19 +195,15 @@ class KittiWriter(Writer):
         """Write the clouds whose whole sweep lies before a time [ns]."""
         while self._waiting and self._waiting[0].stamp_ns + self._waiting[0].sweep_ns <= known_ns:
             sweep = self._waiting.popleft()
-            while len(self._poses) > 1 and self._poses[1].stamp_ns <= sweep.stamp_ns:
-                self._poses.popleft()
+            self._path.forget_before(sweep.stamp_ns)
             self._put_cloud(sweep)
 
     def _put_cloud(self, cloud: _Sweep) -> None:
         frame = self._frames[cloud.stamp_ns]
-        position, quat = self._base_at(cloud.stamp_ns + cloud.rows["offset_ns"].astype(np.int64))
-        start_position, start_quat = (row[0] for row in self._base_at(np.array([cloud.stamp_ns])))
-        T_world_base = np.eye(4)
-        T_world_base[:3, :3], T_world_base[:3, 3] = transforms.quat_to_matrix(start_quat), start_position
+        T_world_base = self._path.T_world_base(cloud.stamp_ns)
         T_base_lidar = self._lidar.T_base_lidar
-        in_base = transforms.apply(T_base_lidar, cloud.rows["xyz"].astype(np.float64))
-        in_world = transforms.quat_rotate(quat, in_base) + position
+        stamps_ns = cloud.stamp_ns + cloud.rows["offset_ns"].astype(np.int64)
+        in_world = self._path.to_world(cloud.rows["xyz"].astype(np.float64), stamps_ns, T_base_lidar)
         in_lidar = transforms.apply(np.linalg.inv(T_world_base @ T_base_lidar), in_world)
         rows = np.empty((len(in_lidar), 4), "<f4")
         rows[:, :3], rows[:, 3] = in_lidar, cloud.rows["intensity"] / np.float32(255.0)
@@ -227,16 +216,6 @@ class KittiWriter(Writer):
         T_first_camera = np.linalg.inv(self._T_first) @ T_world_camera
         self._tables["poses.txt"].write(_numbers(T_first_camera[:3]) + "\n")
         self._tables["times.txt"].write(f"{cloud.stamp_ns / 1e9:.6e}\n")
-
-    def _base_at(self, stamp_ns: NDArray[np.int64]) -> tuple[Array, Array]:
-        """Position [m] and attitude of `base_link` at times [ns], shapes (N, 3) and (N, 4)."""
-        times = np.array([pose.stamp_ns for pose in self._poses])
-        positions = np.stack([pose.values[:3] for pose in self._poses])
-        quats = np.stack([pose.values[3:] for pose in self._poses])
-        after = np.clip(np.searchsorted(times, stamp_ns, side="right"), 1, len(times) - 1)
-        fraction = (stamp_ns - times[after - 1]) / (times[after] - times[after - 1])
-        position = positions[after - 1] + fraction[:, None] * (positions[after] - positions[after - 1])
-        return position, transforms.quat_slerp(quats[after - 1], quats[after], fraction)
 
     def _calib(self) -> str:
         """Projections of the cameras, if any, relative to the left one, and the LiDAR's place in it."""

@@ -44,3 +44,23 @@ def test_clouds_are_white_where_the_sky_is_blue() -> None:
     blue = (sky[..., 2] / sky[..., 0])[directions[..., 2] > 0.3]
     assert np.median(sky[inside][:, 2] / sky[inside][:, 0]) < 1.12
     assert np.median(blue) > 1.3
+
+
+def test_the_sun_is_as_wide_and_bright_as_buie_s_sunshape_until_it_is_cut() -> None:
+    """Within the disc all is cut; 30 mrad off, the aureole is e^κ·θ^γ of it; clouds hide both."""
+    weather = replace(NOON, cloudiness=0.0, sun_altitude_angle=40.0)
+    directions, _ = sky_model.hemisphere()
+    light = sky_model.sky_light(weather)
+    away_mrad = 1e3 * np.arccos(np.clip(np.sum(directions * light.sun_direction, axis=-1), -1.0, 1.0))
+    disc_cd_m2 = light.sun_lx / (np.pi * (1e-3 * sky_model.SUN_MRAD) ** 2)
+    chi = sky_model.CIRCUMSOLAR
+    kappa = 0.9 * np.log(13.5 * chi) * chi**-0.3
+    gamma = 2.2 * np.log(0.52 * chi) * chi**0.43 - 0.1
+    assert np.all(light.sun_cd_m2[away_mrad < sky_model.SUN_MRAD] == sky_model.SUN_MOST_CD_M2)
+    ring = (away_mrad > 30.0) & (away_mrad < 43.0)
+    expected = np.exp(kappa) * away_mrad[ring, None] ** gamma * disc_cd_m2
+    assert light.sun_cd_m2[ring] == pytest.approx(np.minimum(expected, sky_model.SUN_MOST_CD_M2))
+    assert not light.sun_cd_m2[away_mrad > sky_model.AUREOLE_MRAD].any()
+    # The cut luminance saturates a picture, which bends towards white above 0.6.
+    assert light.exposure * sky_model.SUN_MOST_CD_M2 > 3.0
+    assert not sky_model.sky_light(replace(weather, cloudiness=100.0)).sun_cd_m2.any()

@@ -38,6 +38,7 @@ class SmallWorld:
         self.seed = 7
         self.geo = GeoReference(latitude_deg=49.0, longitude_deg=8.4, height_m=115.0)
         self.weather = PRESETS["ClearNoon"]
+        self.roughness = None
         lens = Scenery.box((0, -0.15, -0.15), (0.02, 0.15, 0.15), Material.LAMP_RED, Tag.TRAFFIC_LIGHT)
         self.library = ModelLibrary(
             {

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,32 @@ def test_noise_is_keyed_by_the_stamp_and_can_be_switched_off() -> None:
     np.testing.assert_array_equal(a, imager.picture(even(900.0), 1e-3, 0))
     still = Imager(ImagerConfig(noise=False), "left", SHAPE, seed=4)
     np.testing.assert_array_equal(still.picture(even(9.0), 1e-2, 0), still.picture(even(9.0), 1e-2, 7))
+
+
+def test_the_lens_blurs_as_much_as_stated() -> None:
+    """Variance of the picture of a point, and its light, which stays."""
+    config = replace(PLAIN, noise=False, vignetting=0.0, lens_blur_px=0.6, full_well_e=1000.0)
+    point = even(0.0)
+    point[100, 150] = 500.0
+    picture = Imager(config, "left", SHAPE, seed=1).picture(point, 1e-3, 0)[..., 1].astype(float)
+    assert picture.sum() == pytest.approx(255.0, abs=3.0)
+    x = np.arange(SHAPE[1])
+    share = picture.sum(axis=0) / picture.sum()
+    assert np.sum(share * (x - 150.0) ** 2) == pytest.approx(0.36, abs=0.05)
+
+
+def test_colours_are_filled_in_between_the_pixels_that_see_them() -> None:
+    """Even colours stay what they are; of a step across columns, red is known at every second one only."""
+    config = replace(PLAIN, noise=False, vignetting=0.0, bayer=True)
+    imager = Imager(config, "left", SHAPE, seed=4)
+    colour = np.array([1200.0, 2400.0, 600.0], np.float32)
+    picture = imager.picture(np.broadcast_to(colour, (*SHAPE, 3)).astype(np.float32), 1e-3, 0)
+    assert np.all(picture == np.rint(255.0 * 2000.0 * 1e-3 * colour / PLAIN.full_well_e).astype(int))
+    step = even(0.0)
+    step[:, 151:] = 4000.0
+    red = imager.picture(step, 1e-3, 0)[100, 148:155, 0].astype(float)
+    # Column 151 lies between 150, which is dark, and 152.
+    assert red == pytest.approx(255.0 * 0.8 * np.array([0, 0, 0, 0.5, 1, 1, 1]), abs=1.0)
 
 
 def test_vignetting_and_tone_curve() -> None:

@@ -107,7 +107,13 @@ def test_speed_is_forward_speed(scenery: Any) -> None:
 
 def test_rest_reads_gravity_whatever_the_grade(scenery: Any) -> None:
     """‖f‖ at rest is 9.81 m/s² up to turn-on bias and scale, and exactly so without them."""
-    for name, limit in (("paper", 5e-3), ("adis16448", 0.06), ("tactical", 0.03), ("consumer", 0.9)):
+    for name, limit in (
+        ("paper", 5e-3),
+        ("adis16448", 0.06),
+        ("tactical", 0.03),
+        ("rt3003", 0.06),
+        ("consumer", 0.9),
+    ):
         mean = np.mean(
             [
                 np.linalg.norm(read(scenery, scenery.straight(), 2.0, **ImuConfig.preset_values(name))[:, :3]

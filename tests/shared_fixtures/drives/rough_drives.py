@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS, TICK_S
-from carlaloc_env.core.ego import Controls
+from carlaloc_env.core.ego import DEFAULT_RIDE, Controls
 from carlaloc_env.physics.ego import EgoCar
-from carlaloc_env.physics.params import VehicleParams
+from carlaloc_env.physics.params import RIDES, VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road.road_profile import LevelGrid, Relief, Roughness
 from carlaloc_env.road.rough_surface import class_level
@@ -33,18 +33,22 @@ def road(relief: Relief, length_m: float) -> tuple[Array, NDArray[np.int64]]:
 
 
 @cache
-def motion_on(road_class: str, drive_s: float = 200.0) -> EgoTrack:
-    """The car at a steady 50 km/h on a road of a class."""
+def motion_on(
+    road_class: str, drive_s: float = 200.0, ride: str = DEFAULT_RIDE, speed_mps: float = SPEED_MPS
+) -> EgoTrack:
+    """The car at a steady speed, 50 km/h as a rule, on a road of a class."""
+    chosen = RIDES[ride]
     level = LevelGrid.uniform(class_level(road_class))
     track, total = EgoTrack(), 0.0
     with PhysicsWorld(
-        *road(Relief(3, level), SPEED_MPS * (drive_s + 30.0)), roughness=Roughness(3, level)
+        *road(Relief(3, level), speed_mps * (drive_s + 30.0)),
+        roughness=Roughness(3, level, waviness=chosen.waviness),
     ) as world:
-        car = EgoCar(world)
+        car = EgoCar(world, chosen.vehicle)
         car.reset((0.0, 0.0, 0.0), 0.0)
         for tick in range(round((drive_s + 20.0) / TICK_S)):
             state = car.state()
-            error = SPEED_MPS - state.speed_mps
+            error = speed_mps - state.speed_mps
             total += error * TICK_S if abs(error) < 2.0 else 0.0
             pedal = float(np.clip(0.5 * error + 0.2 * total + 0.25, 0.0, 1.0))
             steer = float(np.clip(-0.02 * state.position_m[1] - 0.3 * state.heading_rad, -1.0, 1.0))

@@ -16,9 +16,11 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 WIDTHS_PX = (1280, 390)
 """A desk's screen and a phone's."""
 QUIET = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
+    "--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-sync",
     "--disable-background-networking", "--disable-component-update", "--remote-debugging-pipe",
 )  # fmt: skip
+FLAT, SOLID = ("--disable-gpu",), ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+"""Pages without WebGL, and with WebGL by Chromium's own software."""
 TOO_WIDE = """(() => {
 const scrolls = e => e && (/auto|scroll|hidden/.test(getComputedStyle(e).overflowX) && e !== document.body
     || scrolls(e.parentElement));
@@ -35,16 +37,18 @@ class Browser:
 
     Args:
         profile: New folder of the browser.
+        drawing: How it draws, `FLAT` or `SOLID`.
     """
 
-    def __init__(self, profile: Path) -> None:
+    def __init__(self, profile: Path, drawing: tuple[str, ...] = FLAT) -> None:
         if CHROMIUM is None:
             pytest.skip("needs Chromium")
         to_read, self._write = os.pipe()
         self._read, to_write = os.pipe()
         # Chromium reads commands from descriptor 3 and answers on 4, each ended by a zero byte.
         command = f'exec "$0" "$@" 3<&{to_read} 4>&{to_write}'
-        words = ["bash", "-c", command, CHROMIUM, *QUIET, f"--user-data-dir={profile}", "about:blank"]
+        flags = [*QUIET, *drawing, f"--user-data-dir={profile}"]
+        words = ["bash", "-c", command, CHROMIUM, *flags, "about:blank"]
         self._process = subprocess.Popen(
             words, pass_fds=(to_read, to_write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )

@@ -12,6 +12,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.road.road_profile import RoughTable
 from carlaloc_env.scene.materials import Material, SignalLenses, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.timeline.ego_spline import EgoTrack
@@ -39,6 +40,7 @@ class BoxWorld:
         self.library = ModelLibrary(models)
         self.weather = PRESETS["ClearNoon"]
         self.lenses = SignalLenses()
+        self.roughness: RoughTable | None = None
         self._rays: Any = None
         self._renderer: Any = None
 

@@ -206,3 +206,15 @@ def test_files_that_would_hold_a_divisor_of_zero_are_left_out() -> None:
     left_out = calibration_texts(RIG, STANDARD).keys() - calibration_texts(flat, STANDARD).keys()
     of = {re.split("[_./]", name)[0] for name in left_out}
     assert of == {"orbslam3", "vins", "open", "s", "lego", "a"}
+
+
+@pytest.mark.parametrize(("rig", "near_m"), [("flu", 2.0), ("real", 3.0)])
+def test_systems_leave_out_returns_of_the_own_car(rig: str, near_m: float) -> None:
+    """The bonnet ends 2.7 m from the LiDAR: where it is reported, systems begin at 3 m."""
+    configs = [c for c in rig_by_name(rig).sensors if c.kind in ("imu", "lidar")]
+    texts = calibration_texts(RigCalibration.from_configs(configs), STANDARD)
+    for name in ("kiss_icp.yaml", "rko_lio.yaml"):
+        assert f"min_range: {near_m}\n" in texts[name]
+    assert f"lidarMinRange: {near_m}\n" in texts["lio_sam.yaml"]
+    assert f"blind: {near_m}\n" in texts["fast_lio.yaml"]
+    assert not any("offset" in text and "laser" in text for text in texts.values())

@@ -1,0 +1,1 @@
+"""Parts of the example of splats: views of a `colmap` folder, and a fit in JAX."""

@@ -1,0 +1,326 @@
+"""Recordings beside real ones: figures of their clouds, pictures and inertial readings, with real ranges.
+
+The figures need no truth: any bag will do, of this project or another, and any folder of pictures. Ranges
+are those that real recordings have by the same functions; each names its source.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import ConfigError, EvaluationError, unknown_name
+from recorder.bags import open_bag, refused_in_one_line
+from recorder.dataset.clouds import CLOUD, of_one_frame, read_cloud
+from recorder.dataset.readings import imu_sample, stamp_ns
+from recorder.dataset.scans import Scan, cloud_connections, scans_of, time_rule
+from recorder.verification.imu_figures import ImuLog, imu_figures
+from recorder.verification.lidar_figures import lidar_figures
+from recorder.verification.picture_figures import REAL_PICTURES, picture_figures
+
+LIDAR_SOURCE = "HDL-32E: nuScenes (Caesar et al. 2020), two key frames; Koide, two turns"
+PICTURE_SOURCE = "nuScenes; KITTI (Geiger et al. 2013); Boreas (Burnett et al. 2023)"
+KITTI_SOURCE, COMMA_SOURCE = "KITTI, OXTS RT3003, two windows", "comma2k19 (Schafer et al. 2018), windscreen"
+"""Recordings from which the ranges come."""
+REAL_LIDAR = {
+    "own car: share below 2.5 m": (0.10, 0.20),
+    "no return, rings below -22 deg": (0.0, 0.10),
+    "no return, rings at -4 to -1 deg": (0.15, 0.50),
+    "range p99 [m]": (55.0, 80.0),
+    "share beyond 70 m": (0.0, 0.015),
+    "road residual, 1.5 m [cm]": (0.3, 0.8),
+    "neighbours' correlation on the road": (0.05, 0.35),
+    "shot noise, 0.55 m, p50 [cm]": (0.25, 0.55),
+    "shot noise p10 [cm]": (0.15, 0.35),
+    "missing at jumps": (0.08, 0.18),
+    "between at jumps": (0.02, 0.09),
+    "intensity p50": (6.0, 15.0),
+    "intensity p95": (40.0, 75.0),
+    "ground intensity exponent": (-0.45, 0.3),
+    "intensity variation in a road window": (0.08, 0.20),
+}
+"""Least and largest values of real sweeps."""
+_KITTI = {
+    "a_z 1-3 Hz": 0.20, "a_z 3-8 Hz": 0.06, "a_z 8-15 Hz": 0.03, "a_z 15-25 Hz": 0.02,
+    "a_y 1-3 Hz": 0.09, "a_y 3-8 Hz": 0.03, "roll rate 1-3 Hz": 0.008,
+}  # fmt: skip
+_COMMA = {
+    "a_z 1-3 Hz": 0.18, "a_z 3-8 Hz": 0.11, "a_z 8-15 Hz": 0.19, "a_z 15-25 Hz": 0.13,
+    "a_y 1-3 Hz": 0.10, "a_y 3-8 Hz": 0.12, "roll rate 1-3 Hz": 0.009,
+}  # fmt: skip
+"""Root mean squares of two real cars, on a street and on a fast road [m/s², rad/s]."""
+REAL_IMU = {
+    **{f"{name} at 4-8 m/s": (0.5 * value, 2.0 * value) for name, value in _KITTI.items()},
+    **{f"{name} at 16-20 m/s": (0.5 * value, 2.0 * value) for name, value in _COMMA.items()},
+    "acceleration at rest": (0.009, 0.014),
+}
+"""Half to twice a real car's values: a class of ISO 8608 is twice as high as the one before it."""
+_LOOKED_AT, _RULE_CLOUDS = 6, 10
+"""Sweeps and pictures that are looked at, evenly over a bag, and clouds that show the rule of times."""
+_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+_LABELS = ("depth", "semantic", "instance", "label", "mask", "segment")
+"""Parts of topics' names whose images are no pictures."""
+_ENCODINGS: dict[str, tuple[int, int | None]] = {
+    "mono8": (1, None), "8UC1": (1, None), "rgb8": (3, cv2.COLOR_RGB2GRAY), "bgr8": (3, cv2.COLOR_BGR2GRAY),
+    "8UC3": (3, cv2.COLOR_BGR2GRAY), "rgba8": (4, cv2.COLOR_RGBA2GRAY), "bgra8": (4, cv2.COLOR_BGRA2GRAY),
+}  # fmt: skip
+"""Channels of an image by its encoding, and OpenCV's conversion to grey."""
+_SPEEDS = ("geometry_msgs/msg/TwistStamped", "nav_msgs/msg/Odometry", "sensor_msgs/msg/NavSatFix")
+"""Messages that show the car's speed, the best one first."""
+_DEGREE_M = 40_007_863.0 / 360.0
+"""A degree of a meridian [m]."""
+_BASE_S = 0.5
+"""Positions so long before and after show a speed [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """A figure of a recording beside the range of real ones."""
+
+    group: str
+    """``lidar``, ``pictures`` or ``imu``."""
+    name: str
+    value: float
+    low: float | None
+    """Least real value; None: the figure depends on the scene alone."""
+    high: float | None
+    """Largest real value."""
+    source: str
+    """Real recordings that gave the range."""
+
+    @property
+    def verdict(self) -> str:
+        """``inside``, ``OUTSIDE``, or empty where there is no range or no value."""
+        if self.low is None or self.high is None or math.isnan(self.value):
+            return ""
+        return "inside" if self.low <= self.value <= self.high else "OUTSIDE"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Realism:
+    """Figures of a recording."""
+
+    path: Path
+    """The bag, or the folder of pictures."""
+    read: dict[str, str]
+    """Topic or files that each group was read from."""
+    figures: tuple[Figure, ...]
+    """All figures that could be measured."""
+
+
+def measure_realism(
+    path: Path, *, lidar: str | None = None, camera: str | None = None, imu: str | None = None
+) -> Realism:
+    """Figures of a bag's first LiDAR, camera and IMU, or of the pictures of a folder.
+
+    Args:
+        path: A bag as `open_bag` takes it, or a folder of pictures.
+        lidar: Topic of the clouds; None: the one that looks like a LiDAR's.
+        camera: Topic of the pictures; None: the first by name.
+        imu: Topic of the inertial readings; None: the first by name.
+
+    Raises:
+        EvaluationError: there is nothing to measure, or it is damaged.
+        ConfigError: there is no such topic.
+    """
+    if path.is_dir() and (files := sorted(p for p in path.iterdir() if p.suffix.lower() in _PICTURES)):
+        pictures = [
+            _decoded(np.fromfile(file, np.uint8), str(file))
+            for file in files[:: max(len(files) // _LOOKED_AT, 1)]
+        ]
+        found = _figures("pictures", _mean_of_pictures(pictures), REAL_PICTURES, PICTURE_SOURCE)
+        return Realism(path=path, read={"pictures": f"{len(pictures)} of {len(files)} files"}, figures=found)
+    with open_bag(path) as reader, refused_in_one_line(path):
+        return _of_bag(path, reader, lidar, camera, imu)
+
+
+def _of_bag(path: Path, reader: AnyReader, lidar: str | None, camera: str | None, imu: str | None) -> Realism:
+    has_clouds = any(CLOUD.fullmatch(c.msgtype) and c.msgcount for c in reader.connections)
+    images = _topic(reader, ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"), camera, _LABELS)
+    readings = _topic(reader, ("sensor_msgs/msg/Imu",), imu)
+    parts = {
+        "lidar": (lambda: _of_clouds(path, reader, lidar)) if has_clouds or lidar else None,
+        "pictures": (lambda: _of_images(reader, images)) if images else None,
+        "imu": (lambda: _of_readings(reader, readings)) if readings else None,
+    }
+    read: dict[str, str] = {}
+    figures: list[Figure] = []
+    failed: list[EvaluationError] = []
+    for group, measure in parts.items():
+        if measure is not None:
+            try:
+                read[group], found = measure()
+                figures += found
+            except EvaluationError as error:
+                # A topic that was asked for has to do; others may lack what the figures need.
+                if (group == "lidar" and lidar is not None) or (group == "imu" and imu is not None):
+                    raise
+                read[group] = str(error)
+                failed.append(error)
+    if not figures and failed:
+        raise failed[0]
+    if not read:
+        raise EvaluationError(f"{path} holds no clouds, no pictures and no IMU; give a bag that has some")
+    return Realism(path=path, read=read, figures=tuple(figures))
+
+
+def _of_clouds(path: Path, reader: AnyReader, topic: str | None) -> tuple[str, tuple[Figure, ...]]:
+    chosen, scans = _scans(path, reader, topic)
+    found = _figures("lidar", lidar_figures(scans), REAL_LIDAR, LIDAR_SOURCE)
+    return f"{chosen[0].topic}, {len(scans)} sweeps", found
+
+
+def _of_images(reader: AnyReader, images: list[Connection]) -> tuple[str, tuple[Figure, ...]]:
+    pictures = [_picture(reader, c, raw) for c, _, raw in _evenly(reader, images)]
+    found = _figures("pictures", _mean_of_pictures(pictures), REAL_PICTURES, PICTURE_SOURCE)
+    return f"{images[0].topic}, {len(pictures)} pictures", found
+
+
+def _of_readings(reader: AnyReader, readings: list[Connection]) -> tuple[str, tuple[Figure, ...]]:
+    found = imu_figures(_log(reader, readings))
+    rows: tuple[Figure, ...] = ()
+    for at, source in (("4-8", KITTI_SOURCE), ("16-20", COMMA_SOURCE), ("rest", KITTI_SOURCE)):
+        part = {name: value for name, value in found.items() if f" at {at}" in name}
+        rows += _figures("imu", part, REAL_IMU, source)
+    return readings[0].topic, rows
+
+
+def _figures(
+    group: str, found: dict[str, float], real: dict[str, tuple[float, float]], source: str
+) -> tuple[Figure, ...]:
+    return tuple(
+        Figure(
+            group=group, name=name, value=value, low=low, high=high, source=source if low is not None else ""
+        )
+        for name, value in found.items()
+        for low, high in [real.get(name, (None, None))]
+    )
+
+
+def _topic(
+    reader: AnyReader, kinds: tuple[str, ...], wanted: str | None, refused: tuple[str, ...] = ()
+) -> list[Connection]:
+    """Connections of the wanted topic, or of the first one by name that has messages of these kinds."""
+    fitting: dict[str, list[Connection]] = {}
+    for connection in reader.connections:
+        if connection.msgtype in kinds and connection.msgcount:
+            fitting.setdefault(connection.topic, []).append(connection)
+    if wanted is not None:
+        if wanted not in fitting:
+            what = kinds[0].rpartition("/")[2]
+            raise ConfigError(unknown_name(f"topic of {what} messages", wanted, sorted(fitting)))
+        return fitting[wanted]
+    usual = (topic for topic in sorted(fitting) if not any(part in topic.lower() for part in refused))
+    return fitting.get(next(usual, ""), [])
+
+
+def _evenly(reader: AnyReader, connections: list[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+    """About `_LOOKED_AT` messages of a topic, evenly over its time; only they are read."""
+    count = sum(connection.msgcount for connection in connections)
+    first = [at for _, at, _ in itertools.islice(reader.messages(connections), 20)]
+    if not first:
+        return
+    every = max(count // _LOOKED_AT, 1)
+    period_ns = (first[-1] - first[0]) // max(len(first) - 1, 1)
+    for number in range(0, count, every):
+        after = first[0] + number * period_ns - period_ns // 2
+        message = next(iter(reader.messages(connections, start=after)), None)
+        if message is not None:
+            yield message
+
+
+def _scans(path: Path, reader: AnyReader, topic: str | None) -> tuple[list[Connection], list[Scan]]:
+    connections, frame = cloud_connections(path, reader, topic)
+    first = [
+        read_cloud(reader, c, raw)
+        for c, _, raw in itertools.islice(reader.messages(connections), _RULE_CLOUDS)
+    ]
+    where = f"{path}: {connections[0].topic}"
+    rule = time_rule(first, where)
+    clouds = ((at, read_cloud(reader, c, raw, rule.field)) for c, at, raw in _evenly(reader, connections))
+    return connections, list(scans_of(of_one_frame(clouds, where, frame), where, rule))
+
+
+def _mean_of_pictures(pictures: Sequence[NDArray[np.uint8]]) -> dict[str, float]:
+    """Means over pictures of what each of them shows."""
+    rows = [picture_figures(picture) for picture in pictures]
+    values = {name: [row[name] for row in rows if not math.isnan(row[name])] for name in rows[0]}
+    return {name: float(np.mean(found)) if found else math.nan for name, found in values.items()}
+
+
+def _decoded(data: NDArray[np.uint8], what: str) -> NDArray[np.uint8]:
+    """Grey values of a file's content (H, W)."""
+    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
+    if image is None:
+        raise EvaluationError(f"{what} is no picture, or a damaged one; give PNG or JPEG")
+    return np.asarray(image, np.uint8)
+
+
+def _picture(reader: AnyReader, connection: Connection, raw: bytes) -> NDArray[np.uint8]:
+    """Grey values of a message's picture (H, W)."""
+    message: Any = reader.deserialize(raw, connection.msgtype)
+    if not hasattr(message, "encoding"):
+        return _decoded(np.asarray(message.data, np.uint8), f"an image on {connection.topic}")
+    if message.encoding not in _ENCODINGS:
+        known = ", ".join(_ENCODINGS)
+        raise EvaluationError(
+            f"{connection.topic} has images of {message.encoding}, not of {known}; --camera names another"
+        )
+    channels, code = _ENCODINGS[message.encoding]
+    rows = np.asarray(message.data, np.uint8).reshape(message.height, message.step)
+    image = rows[:, : message.width * channels].reshape(message.height, message.width, channels)
+    return image[..., 0] if code is None else np.asarray(cv2.cvtColor(image, code), np.uint8)
+
+
+def _log(reader: AnyReader, connections: list[Connection]) -> ImuLog:
+    samples = [imu_sample(reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages(connections)]
+    stamps = np.array([sample.stamp_ns for sample in samples], np.int64)
+    order = np.argsort(stamps, kind="stable")
+    at_ns, speed = _speeds(reader)
+    known = np.interp(stamps[order], at_ns, speed, left=math.nan, right=math.nan) if len(at_ns) else math.nan
+    return ImuLog(
+        stamp_ns=stamps[order],
+        force_mps2=np.array([sample.acceleration_mps2 for sample in samples])[order],
+        rate_radps=np.array([sample.angular_velocity_radps for sample in samples])[order],
+        speed_mps=np.broadcast_to(known, stamps.shape),
+    )
+
+
+def _speeds(reader: AnyReader) -> tuple[NDArray[np.int64], Array]:
+    """Times [ns] and speeds of the car [m/s] by the best topic that shows them; empty: none does."""
+    chosen: list[Connection] = next(
+        (found for kind in _SPEEDS if (found := _topic(reader, (kind,), None))), []
+    )
+    raws = reader.messages(chosen) if chosen else ()
+    messages: list[Any] = [reader.deserialize(raw, connection.msgtype) for connection, _, raw in raws]
+    at_ns = np.array([stamp_ns(message) for message in messages], np.int64)
+    if len(at_ns) < 2:
+        return at_ns[:0], np.zeros(0)
+    if chosen[0].msgtype == _SPEEDS[0]:
+        return at_ns, np.array([math.hypot(m.twist.linear.x, m.twist.linear.y) for m in messages])
+    place = np.array([_place(message) for message in messages])
+    base_ns = round(_BASE_S * 1e9)
+    ends = [[np.interp(at_ns + side * base_ns, at_ns, axis) for axis in place.T] for side in (-1, 1)]
+    inside = (at_ns - base_ns >= at_ns[0]) & (at_ns + base_ns <= at_ns[-1])
+    way = np.hypot(*(np.array(ends[1]) - np.array(ends[0])))
+    return at_ns[inside], way[inside] / (2 * _BASE_S)
+
+
+def _place(message: Any) -> tuple[float, float]:
+    """East and north [m]; of degrees, up to a constant."""
+    if hasattr(message, "latitude"):
+        east_m = _DEGREE_M * math.cos(math.radians(message.latitude)) * message.longitude
+        return east_m, _DEGREE_M * message.latitude
+    position = message.pose.pose.position
+    return position.x, position.y

@@ -1,0 +1,135 @@
+"""Pages of drives in Chromium: what stands where and when, by mouse and by touch, at two widths, offline."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from shared_fixtures.processes.browser import SOLID, WIDTHS_PX, Browser
+from shared_fixtures.readings.slam_dataset import list_dataset, rig, write_dataset
+
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.camera_config import CameraConfig
+from recorder.cli.main import main
+from recorder.episode.episode import Episode
+from recorder.evaluation.trajectory_files import read_tum
+from recorder.view.scene_page import JPEG_QUALITY, PICTURE_WIDTH_PX, POINTS_MAX, TOWN_BYTES, ScenePage
+from recorder.view.sequence_view import jpeg_of
+from recorder.writers.base import DEFAULT_EPOCH_NS
+
+LOADED = """new Promise(done => { const note = document.getElementById('note');
+const look = () => window.page ? done(note.textContent) : setTimeout(look, 50); look(); })"""
+DRAG = """(() => { const view = document.getElementById('view'), before = page.camera.position.clone();
+const send = (type, x, y) => view.dispatchEvent(new PointerEvent(type, { pointerId: 7, pointerType: '%s',
+    clientX: x, clientY: y, button: 0, buttons: 1, bubbles: true }));
+view.setPointerCapture = view.releasePointerCapture = () => {};
+const strokes = [['down', 200], ['move', 240], ['move', 300], ['up', 300]];
+for (const [type, x] of strokes) send('pointer' + type, x, x);
+return page.camera.position.distanceTo(before); })()"""
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A second in a room, with pictures that grow brighter."""
+    root = write_dataset(tmp_path_factory.mktemp("set") / "set", sweeps=10)
+    eyes = [
+        CameraConfig(name=name, mount=Mount(position_m=(1.0, y, 1.5)))
+        for name, y in {"left": 0.25, "right": -0.25}.items()
+    ]
+    list_dataset(root, SensorRig(name="box", sensors=(*rig().sensors, *eyes)))
+    folder = root / "Box" / "ClearNoon_dynamic"
+    images = folder / "mav0" / "cam0" / "data"
+    images.mkdir(parents=True)
+    for k in range(10):
+        name = f"{DEFAULT_EPOCH_NS + k * 50_000_000}.png"
+        cv2.imwrite(str(images / name), np.full((36, 64, 3), 20 * k, np.uint8))
+    return folder
+
+
+def test_a_sequence_is_shown_over_time(sequence: Path, tmp_path: Path) -> None:
+    truth = read_tum(sequence.parent / "ground_truth" / "base_link.tum")
+    lidar = sequence.parent / "ground_truth" / "lidar.tum"
+    out = tmp_path / "scene.html"
+    words = ["view", "--html", str(sequence), "--period", "0.1", "--estimate", str(lidar), "--out", str(out)]
+    assert main(words) == 0
+    text = out.read_text("utf-8")
+    assert "http://" not in text.split("</style>")[0]
+    assert 'src="http' not in text
+    with Browser(tmp_path / "profile", SOLID) as browser:
+        for width_px in WIDTHS_PX:
+            browser.open(out.as_uri(), width_px)
+            assert browser.run(LOADED) == ""
+            assert browser.too_wide() == []
+            assert "lidar, 0.000 m" in browser.run("document.getElementById('legend').innerText")
+            end_s = float(browser.run("document.getElementById('slider').max"))
+            assert end_s == pytest.approx((truth.stamp_ns[-1] - truth.stamp_ns[0]) / 1e9, abs=0.051)
+            for second in (0.1, 0.33):
+                at = truth.at(np.array([truth.stamp_ns[0] + round(second * 1e9)])).position_m[0]
+                browser.run(f"page.show({second})")
+                found = browser.run("page.place.toArray()")
+                np.testing.assert_allclose(found, at - np.round(truth.position_m[0]), atol=2e-3)
+            # Of a sweep every 0.1 s, three have begun.
+            browser.run("document.getElementById('trail').selectedIndex = 3; page.show(0.25); page.render()")
+            three = browser.run("page.drawn()")
+            browser.run("page.show(0.05); page.render()")
+            assert browser.run("page.drawn()") < three
+            pixel = """new Promise(done => { const image = document.querySelector('#picture img');
+                const read = () => { const sheet = document.createElement('canvas').getContext('2d');
+                    sheet.drawImage(image, 0, 0, 8, 8); done(sheet.getImageData(4, 4, 1, 1).data[0]); };
+                image.decode().then(read); })"""
+            browser.run("page.show(0.31)")
+            assert browser.run(pixel) == pytest.approx(20 * 6, abs=2)
+            for pointer in ("mouse", "touch"):
+                assert browser.run(DRAG % pointer) > 0.5
+            play = "document.getElementById('play').click(); document.getElementById('play').textContent"
+            assert browser.run(play) == "Pause"
+        assert browser.errors == []
+
+
+@pytest.mark.long
+def test_a_drive_is_followed_through_its_town(short_drive: Path, tmp_path: Path) -> None:
+    out = tmp_path / "drive.html"
+    assert main(["view", "--html", str(short_drive), "--out", str(out)]) == 0
+    ego = Episode.load(short_drive).ego
+    with Browser(tmp_path / "profile", SOLID) as browser:
+        for width_px in WIDTHS_PX:
+            browser.open(out.as_uri(), width_px)
+            assert browser.run(LOADED) == ""
+            assert browser.too_wide() == []
+            assert browser.run("page.render(); page.drawn()") > 1000
+            away = "page.camera.position.distanceTo(page.place)"
+            before = browser.run(away)
+            browser.run("page.show(1e9)")
+            last = ego["position_m"][(len(ego) - 1) // 10 * 10] - np.round(ego["position_m"][0])
+            np.testing.assert_allclose(browser.run("page.place.toArray()"), last, atol=2e-3)
+            assert browser.run(away) == pytest.approx(before, abs=1e-3)
+        assert browser.errors == []
+
+
+@pytest.mark.long
+def test_half_a_minute_fits_in_an_attachment(tmp_path: Path) -> None:
+    """Noise, which packs worst, in place of sweeps and pictures, and the most that a town may take."""
+    rng = np.random.default_rng(1)
+    page = ScenePage("noise", np.zeros(3))
+    page._part(rng.integers(0, 256, TOWN_BYTES), "u1")
+    clouds = (
+        (k * 200_000_000, rng.uniform(-80, 80, (66_000, 3)), rng.integers(0, 29, 66_000).astype(np.uint8))
+        for k in range(150)
+    )
+    page.add_clouds(clouds, np.zeros((256, 3), np.uint8), 0.2)
+    assert page._meta["clouds"]["position"]["count"] <= 150 * 3 * POINTS_MAX
+    street = cv2.resize(rng.integers(0, 256, (90, 160, 3)).astype(np.uint8), (1280, 720))
+    jpeg = jpeg_of(street, PICTURE_WIDTH_PX, JPEG_QUALITY)
+    page.add_pictures((k * 200_000_000, jpeg + bytes(rng.integers(0, 256, 64))) for k in range(150))
+    assert page.write(tmp_path / "noise.html").stat().st_size <= 25e6
+
+
+def test_a_page_has_its_suffix(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for words in (
+        ["--html"],
+        ["--html", "--out", str(tmp_path / "a.rrd")],
+        ["--out", str(tmp_path / "a.html")],
+    ):
+        assert main(["view", "Town03", *words]) != 0
+        assert "--html --out scene.html" in capfd.readouterr().err
