@@ -135,5 +135,5 @@ def _sequence(arguments: argparse.Namespace, out: Path) -> str:
 def show(result: dict[str, Any]) -> None:
     """Print what was written."""
     if result["out"] is not None:
-        how = "in a browser" if result.get("html") else "rerun FILE"
-        print(f"{result['out']}  {result['bytes'] / 1e6:.1f} MB of a {result['kind']}; open it: {how}")
+        how = "open it in a browser" if result.get("html") else "rerun FILE shows it"
+        print(f"{result['out']}  {result['kind']}, {result['bytes'] / 1e6:.1f} MB; {how}")
