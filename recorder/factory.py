@@ -127,9 +127,8 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
     there = [path for path in config.out.rglob("*") if path.is_file()]
     kept = sum(path.stat().st_size for path in there)
     lengths_s = {town: length_s(config, town) for town in config.towns}
-    cost = replay_cost(
-        config.replay, [(s, s) for s in lengths_s.values()], config.replay.workers or len(usable_cores())
-    )
+    workers = config.replay.workers or len(usable_cores())
+    cost = replay_cost(config.replay, [(s, s) for s in lengths_s.values()], workers)
     cost.check(config.out, kept_bytes=kept)
     return DatasetPlan(
         sequences=len(config.towns) * len(conditions_of(config.replay.weathers, config.replay.traffic)),
@@ -174,11 +173,7 @@ def _is_part(path: Path) -> bool:
 
 
 def median_seed(durations_s: Mapping[int, float]) -> int:
-    """Seed of the standard drive: that of median duration, of two in the middle the longer one.
-
-    Args:
-        durations_s: Duration of each seed's drive [s], of those without a collision or a broken rule.
-    """
+    """Seed of median duration [s] among sound drives by their seeds; of two in the middle the longer one."""
     return median_high((duration_s, seed) for seed, duration_s in durations_s.items())[1]
 
 
@@ -240,8 +235,7 @@ def record_drive(
     target.parent.mkdir(parents=True, exist_ok=True)
     for rest in target.parent.glob(f"{target.name}.*"):
         rest.unlink()
-    by_hand = town in HAND_DRIVEN
-    if by_hand:
+    if by_hand := town in HAND_DRIVEN:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     config = RecordConfig(
         map=town, out=target, device="hand" if by_hand else "scripted", window=by_hand, seed=seed,
