@@ -14,7 +14,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from carlaloc_env.core.errors import CarlaLocError, ConfigError, unknown_name
+import numpy as np
+
+from carlaloc_env.core.errors import CarlaLocError, ConfigError, EvaluationError, unknown_name
 from carlaloc_env.core.files.output_paths import atomic_write
 from carlaloc_env.core.jit import usable_cores
 from recorder.benchmark.plan import BenchmarkSequence, Job
@@ -24,6 +26,7 @@ from recorder.evaluation.align import attitude_errors_deg
 from recorder.evaluation.associate import Association
 from recorder.evaluation.evaluate import FailRule, PathErrors, evaluate
 from recorder.evaluation.metrics import Metric, Statistics
+from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.supervisor import RunRecord, run_isolated
 from recorder.slam.worker import ESTIMATE
@@ -155,8 +158,9 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
     if record.error is not None:
         return Score(**known, failed=record.error)
     try:
+        truth = read_tum(sequence.truth_file(system.frame))
         result = evaluate(
-            read_tum(sequence.truth_file(system.frame)),
+            _seen(truth, sequence) if system.is_visual else truth,
             read_tum(folder / ESTIMATE),
             alignment=system.alignment,
             association=Association.INTERPOLATED,
@@ -187,6 +191,19 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
         length_m=result.truth.length_m,
         real_time=record.frame_median_s * float(sensor.rate_hz),
     )
+
+
+def _seen(truth: Trajectory, sequence: SlamSequence) -> Trajectory:
+    """Truth of the time that has images: a replay may make them of a part of its stretch alone."""
+    try:
+        stamp_ns = sequence.image_stamps()
+    except EvaluationError:
+        return truth  # streamed images are not kept; they show the whole stretch
+    if len(stamp_ns) < 2:
+        return truth
+    margin_ns = int(np.diff(stamp_ns).min())
+    inside = (truth.stamp_ns >= stamp_ns[0] - margin_ns) & (truth.stamp_ns <= stamp_ns[-1] + margin_ns)
+    return truth.take(np.flatnonzero(inside))
 
 
 def _mean(weighted: list[tuple[float, int]]) -> float:

@@ -5,16 +5,20 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from shared_fixtures.readings.slam_dataset import write_dataset
 
 from carlaloc_env.core.errors import ConfigError
+from recorder.benchmark import results
 from recorder.benchmark.plan import find_sequences, plan_jobs
 from recorder.benchmark.results import RESULT
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
 from recorder.benchmark.tables import all_tables, csv_text, frame_of, latex, markdown
 from recorder.cli.main import main
+from recorder.evaluation.trajectory import Trajectory
 from recorder.slam.systems import SYSTEMS
 
 pytest.importorskip("small_gicp", reason="the benchmark runs small_gicp")
@@ -207,3 +211,14 @@ def test_wrong_words_are_named(data: Path, tmp_path: Path, change: dict[str, obj
 def test_a_folder_without_sequences_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="holds no sequence"):
         find_sequences(tmp_path)
+
+
+def test_a_camera_is_judged_over_the_time_of_its_images() -> None:
+    """A replay may make images of a part of its stretch: here of 2 to 5 s of 16."""
+    stamp_ns = np.arange(0, 16_000_000_000, 50_000_000)
+    way_m = np.stack([stamp_ns * 1e-9, np.zeros(len(stamp_ns)), np.zeros(len(stamp_ns))], axis=1)
+    level = np.tile([0.0, 0.0, 0.0, 1.0], (len(way_m), 1))
+    truth = Trajectory(stamp_ns=stamp_ns, position_m=way_m, quat_xyzw=level)
+    images = SimpleNamespace(image_stamps=lambda: np.arange(2_000_000_000, 5_000_000_001, 100_000_000))
+    seen = results._seen(truth, images)  # type: ignore[arg-type]
+    assert (seen.stamp_ns[0], seen.stamp_ns[-1]) == (1_900_000_000, 5_100_000_000)
