@@ -18,7 +18,7 @@ STEERING_RATIO = 12.0
 def lap(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     """The whole route, until it is closed."""
     path = tmp_path_factory.mktemp("lap") / "lap.mcap"
-    record(RecordConfig(out=path, seed=3, traffic="dynamic,vehicles=20,walkers=5"))
+    record(RecordConfig(out=path, seed=3, traffic="dynamic,vehicles=20,walkers=5,green_wave=true"))
     return Episode.load(path)
 
 
@@ -64,10 +64,10 @@ def _wheel_deg(lap: Episode) -> NDArray[np.float64]:
     return wheel
 
 
-def test_the_wheel_is_held_still_nearly_half_of_the_time(lap: Episode) -> None:
-    """It turns by less than 1°/s, though half of the lap is bends; 48 to 54 % by seed and lights."""
+def test_the_wheel_is_held_still_most_of_the_time(lap: Episode) -> None:
+    """It turns by less than 1°/s more than half of the time, though half of the lap is bends."""
     rate = np.gradient(uniform_filter1d(_wheel_deg(lap), 20), 0.005)
-    assert (np.abs(rate) < 1.0).mean() > 0.45
+    assert (np.abs(rate) < 1.0).mean() > 0.5
 
 
 def test_the_wheel_does_not_chatter(lap: Episode) -> None:
