@@ -104,9 +104,17 @@ def test_benchmark_scores_every_drive_and_draws_the_page(home: Path) -> None:
         assert town in page
 
 
-def test_view_shows_a_sequence(home: Path) -> None:
+def test_view_writes_a_sequence_as_a_page(home: Path) -> None:
+    assert main(command("carlaloc view --html")[1:]) == 0
+    page = (home / "scene.html").read_text("utf-8")
+    assert page.rstrip().endswith("</html>")
+    assert len(page) > 1_000_000
+
+
+def test_view_writes_a_recording_for_rerun(home: Path) -> None:
     pytest.importorskip("rerun", reason="needs rerun-sdk")
-    assert main(command("carlaloc view")[1:]) == 0
+    sequence = next(word for word in command("carlaloc view") if word.startswith("dataset/"))
+    assert main(["view", sequence, "--out", "look.rrd"]) == 0
     assert (home / "look.rrd").stat().st_size > 10_000
 
 
