@@ -37,6 +37,8 @@ LEAST_RADIUS_M, TIGHTEST_M = 6.15, 2.5
 """Least radius of the middle of any lane, and of one that is the only way on [m]."""
 ROUTE_M = 3.0
 """Turns that leave the streets inside a junction farther than this follow them [m]."""
+STREET_M = 4.0
+"""Turning bulbs keep so far away from other streets [m]."""
 GUTTER_M = 0.3
 """Width of gutters [m]."""
 
@@ -100,7 +102,7 @@ def build_network(
     clusters: Sequence[Cluster],
     heights: Heights,
     banned: Mapping[tuple[int, int], frozenset[int]],
-    solid: shapely.STRtree | None,
+    solid: shapely.STRtree,
     memo: Memo,
     *,
     yellow: bool,
@@ -118,10 +120,11 @@ def build_network(
     """
     network = RoadNetwork()
     setback = {(end.chain, end.side): end for cluster in clusters for end in cluster.ends}
+    streets = shapely.STRtree([shapely.LineString(chain.line) for chain in chains])
     for cluster in clusters:
         if len(cluster.ends) == 1 and cluster.ends[0].setback_m == 0.0:
             end = cluster.ends[0]
-            end.setback_m = _bulb_setback(end, chains[end.chain], solid)
+            end.setback_m = _bulb_setback(end, chains[end.chain], solid, streets)
     for k, chain in enumerate(chains):
         if (k, 0) in setback:
             first, last = setback[k, 0], setback[k, 1]
@@ -189,8 +192,8 @@ def _whiten(section: SectionPlan) -> None:
         lane.marks = [replace(m, color="white" if m.color == "yellow" else m.color) for m in lane.marks]
 
 
-def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree | None) -> float:
-    """How far before its end a street gets its turning bulb: where it meets the fewest houses."""
+def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree, streets: shapely.STRtree) -> float:
+    """How far before its end a street gets its turning bulb: where it meets the fewest houses and streets."""
     best: tuple[float, float] | None = None
     for back in np.arange(0.0, max(min(0.6 * chain.length_m, chain.length_m - 12.0, 60.0), 0.1), 4.0):
         x, y, h = end.at(float(back))
@@ -200,10 +203,14 @@ def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree | None) -> floa
         except PlanError:
             return float(back)
         outline = shapely.buffer(shapely.LineString(sampled(path, 2.0)).convex_hull, end.half_m)
-        meets = 0.0
-        if solid is not None:
-            near = solid.geometries.take(solid.query(outline, predicate="intersects"))
-            meets = round(float(shapely.area(shapely.intersection(near, outline)).sum()), 1)
+        near = solid.geometries.take(solid.query(outline, predicate="intersects"))
+        area = shapely.area(shapely.intersection(near, outline)).sum()
+        wide = shapely.buffer(outline, STREET_M)
+        others = [
+            streets.geometries[k] for k in streets.query(wide, predicate="intersects") if k != end.chain
+        ]
+        area += STREET_M * shapely.length(shapely.intersection(others, wide)).sum()
+        meets = round(float(area), 1)
         if best is None or meets < best[0] - 1.0:
             best = (meets, float(back))
         if meets < 1.0:

@@ -23,7 +23,7 @@ def settle(
     chains: Sequence[Chain],
     heights_of: Callable[[Sequence[Chain], Sequence[Cluster]], Heights],
     banned: Mapping[tuple[int, int], frozenset[int]],
-    solid: shapely.STRtree | None,
+    solid: shapely.STRtree,
     *,
     yellow: bool,
 ) -> tuple[RoadNetwork, list[Chain], list[Chain]]:
