@@ -35,6 +35,8 @@ SHARPEST = -0.3
 """Cosine of the sharpest corner of a turning place."""
 FIRST_ID = -1_000_000_000
 """Ids of nodes and ways of turning places are this and less."""
+PLACE_NAME = "Turning place"
+"""Name of their streets."""
 _KEPT_TAGS = ("highway", "surface")
 
 Segment = tuple[int, int, Way]
@@ -145,7 +147,7 @@ class TurningPlaces:
     def _tags(self, node: int) -> Tags:
         way = self._at[node][0][2]
         kept = {key: way.tags[key] for key in _KEPT_TAGS if key in way.tags}
-        own = {"lanes": "1", "oneway": "yes", "maxspeed": "30", "sidewalk": "no", "name": "Turning place"}
+        own = {"lanes": "1", "oneway": "yes", "maxspeed": "30", "sidewalk": "no", "name": PLACE_NAME}
         return kept | own
 
     def _loop(self, leaving: int, joining: int, c: float, s: float) -> None:
