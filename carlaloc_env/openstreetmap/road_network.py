@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -43,6 +43,8 @@ GUTTER_M = 0.3
 """Width of gutters [m]."""
 
 
+Turn = tuple[int, int, int, int]
+"""Chain and side of the leg one comes from, and of the one into which one turns."""
 Memo = tuple[dict[object, Path], dict[object, tuple[Path, float]]]
 """Lines of roads, and of turns with their least radius, that were found before."""
 
@@ -58,6 +60,11 @@ class Tight:
     """Whether other turns lead out of the one leg and into the other."""
     sharp: bool = False
     built: bool = False
+
+    @property
+    def turn(self) -> Turn:
+        """Chains and sides that it joins."""
+        return self.source.chain, self.source.side, self.target.chain, self.target.side
 
 
 @dataclass(slots=True)
@@ -104,6 +111,7 @@ def build_network(
     banned: Mapping[tuple[int, int], frozenset[int]],
     solid: shapely.STRtree,
     memo: Memo,
+    needed: Container[Turn],
     *,
     yellow: bool,
 ) -> RoadNetwork:
@@ -116,6 +124,7 @@ def build_network(
         banned: Ways into which one may not turn from a way (key: way and node); `restrictions`.
         solid: Footprints on which no turning bulb may lie.
         memo: Lines that were found before.
+        needed: Turns that are built though they are tight and others lead on.
         yellow: Whether centre lines are yellow.
     """
     network = RoadNetwork()
@@ -137,7 +146,7 @@ def build_network(
             network.of_chain[k] = part
     for cluster in clusters:
         if cluster.ends:
-            _junction(cluster, chains, network, heights, banned, memo)
+            _junction(cluster, chains, network, heights, banned, memo, needed)
     return network
 
 
@@ -232,6 +241,7 @@ def _junction(
     heights: Heights,
     banned: Mapping[tuple[int, int], frozenset[int]],
     memo: Memo,
+    needed: Container[Turn],
 ) -> None:
     numbers = network.numbers
     legs = [leg_of(network.of_chain[e.chain], "start" if e.side == 0 else "end") for e in cluster.ends]
@@ -274,7 +284,7 @@ def _junction(
             network.tight.append(tight)
             tight.spare = movement.source in sources and movement.target in targets
             tight.sharp = abs(turn_angle(legs[movement.source], legs[movement.target])) > SHARP_RAD
-            tight.built = least_m > TIGHTEST_M and not tight.spare
+            tight.built = least_m > TIGHTEST_M and (not tight.spare or tight.turn in needed)
             if not tight.built:
                 continue
         network.roads.append(_connect(movement, part, legs, line, numbers, plane))

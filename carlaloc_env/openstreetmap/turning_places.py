@@ -29,7 +29,9 @@ RING_M = 35.0
 """Distance from all streets of the line on which other ends are joined [m]."""
 BOTH_WAYS_M = 105.0
 """Two-way streets that end farther from that line are dead ends, not cut [m]."""
-SHIFTS_M = (0.0, 20.0, -20.0, 45.0, -45.0, 80.0, -80.0, 130.0, -130.0)
+APART_M = 32.0
+"""Least distance of the places where ends meet that line [m]."""
+SHIFTS_M = (0.0, 20.0, -20.0, 40.0, -40.0, 65.0, -65.0, 100.0, -100.0, 150.0, -150.0)
 """How far from its nearest place on the line an end is led [m]."""
 SHARPEST = -0.3
 """Cosine of the sharpest corner of a turning place."""
@@ -110,10 +112,10 @@ class TurningPlaces:
                 (x, y), (c, s) = self._xy[node], self._outward(node)
                 self._taken.append(shapely.LineString([(x, y), (x + BULB_M * c, y + BULB_M * s)]))
         far = {node: float(shapely.distance(ring, shapely.Point(self._xy[node]))) for node in kinds}
-        leads = []
+        leads: list[_Lead] = []
         for node in sorted(kinds.keys() - joined, key=lambda node: (far[node], node)):
             if kinds[node] != "both" or far[node] <= BOTH_WAYS_M:
-                leads += self._lead(ring, node, kinds[node])
+                leads += self._lead(ring, node, kinds[node], [lead.at for lead in leads])
         leads.sort(key=lambda lead: lead.at)
         self._fewest(leads, ring.length)
         self._build(ring, leads)
@@ -166,7 +168,7 @@ class TurningPlaces:
         points = [(x + c * p - s * q, y + s * p + c * q) for p, q in local]
         self._add([leaving, *self._nodes(points), joining], self._tags(leaving))
 
-    def _lead(self, ring: shapely.LinearRing, node: int, kind: str) -> list[_Lead]:
+    def _lead(self, ring: shapely.LinearRing, node: int, kind: str, taken: Sequence[float]) -> list[_Lead]:
         """The first of several lines from an end to the ring that meets no street; none if all do."""
         (x, y), (c, s) = self._xy[node], self._outward(node)
         ahead = (x + LEAD_M * c, y + LEAD_M * s)
@@ -174,13 +176,25 @@ class TurningPlaces:
         nearest = float(shapely.line_locate_point(ring, shapely.Point(x, y)))
         for shift in SHIFTS_M:
             at = (nearest + shift) % ring.length
+            if any(min((at - other) % ring.length, (other - at) % ring.length) < APART_M for other in taken):
+                continue
             ((p, q),) = shapely.get_coordinates(shapely.line_interpolate_point(ring, at)).tolist()
-            for via in ([], [ahead], *([ahead, aside] for aside in asides)):
+            before = self._before(ring, at)
+            for first in ([], [ahead], *([ahead, aside] for aside in asides)):
+                via = [*first, before] if first or shift else []
                 line = [(x, y), *via, (p, q)]
                 if not _sharp([(x - c, y - s), *line]) and not self._crossed(line, {node}):
                     self._taken.append(shapely.LineString(line))
                     return [_Lead(at, node, kind, via, self._taken[-1].length)]
         return []
+
+    def _before(self, ring: shapely.LinearRing, at: float) -> Point:
+        """A point before a place on the ring, from which a street meets it at a right angle."""
+        (x0, y0), (x, y), (x1, y1) = shapely.get_coordinates(
+            shapely.line_interpolate_point(ring, np.array([at - 1.0, at, at + 1.0]) % ring.length)
+        ).tolist()
+        side = 1.3 * LEAD_M / math.hypot(x1 - x0, y1 - y0) * (1.0 if ring.is_ccw else -1.0)
+        return x - side * (y1 - y0), y + side * (x1 - x0)
 
     def _fewest(self, leads: Sequence[_Lead], whole: float) -> None:
         """Leave out stretches of the ring, and leads, while every part can be reached: the longest first."""
