@@ -300,12 +300,16 @@ def _allowed(
     cluster: Cluster, chains: Sequence[Chain], banned: Mapping[tuple[int, int], frozenset[int]]
 ) -> set[tuple[int, int]]:
     index = {(end.chain, end.side): k for k, end in enumerate(cluster.ends)}
-    found = set()
+    leads, found = set(), set()
     for a, b in reachable(cluster, chains):
+        pair = index[a.chain, a.side], index[b.chain, b.side]
         source, target = (chains[e.chain].pieces[0 if e.side == 0 else -1].way for e in (a, b))
+        leads.add(pair)
         if not any(target in banned.get((source, node), ()) for node in cluster.nodes):
-            found.add((index[a.chain, a.side], index[b.chain, b.side]))
-    return found
+            found.add(pair)
+    # Where the box cuts off the street into which one must turn, one turns into any.
+    lost = [{pair[k] for pair in leads} - {pair[k] for pair in found} for k in (0, 1)]
+    return found | {(a, b) for a, b in leads if a in lost[0] or b in lost[1]}
 
 
 def _path(

@@ -29,7 +29,7 @@ RING_M = 35.0
 """Distance from all streets of the line on which other ends are joined [m]."""
 BOTH_WAYS_M = 105.0
 """Two-way streets that end farther from that line are dead ends, not cut [m]."""
-APART_M = 32.0
+APART_M = 33.0
 """Least distance of the places where ends meet that line [m]."""
 SHIFTS_M = (0.0, 20.0, -20.0, 40.0, -40.0, 65.0, -65.0, 100.0, -100.0, 150.0, -150.0)
 """How far from its nearest place on the line an end is led [m]."""
@@ -112,10 +112,13 @@ class TurningPlaces:
                 (x, y), (c, s) = self._xy[node], self._outward(node)
                 self._taken.append(shapely.LineString([(x, y), (x + BULB_M * c, y + BULB_M * s)]))
         far = {node: float(shapely.distance(ring, shapely.Point(self._xy[node]))) for node in kinds}
+        ends = [n for n in kinds.keys() - joined if kinds[n] != "both" or far[n] <= BOTH_WAYS_M]
+        at = {n: float(shapely.line_locate_point(ring, shapely.Point(self._xy[n]))) for n in ends}
+        ends.sort(key=lambda node: (at[node], node))
+        at = dict(zip(ends, _spread([at[node] for node in ends], ring.length), strict=True))
         leads: list[_Lead] = []
-        for node in sorted(kinds.keys() - joined, key=lambda node: (far[node], node)):
-            if kinds[node] != "both" or far[node] <= BOTH_WAYS_M:
-                leads += self._lead(ring, node, kinds[node], [lead.at for lead in leads])
+        for node in sorted(ends, key=lambda node: (far[node], node)):
+            leads += self._lead(ring, node, kinds[node], at[node], [lead.at for lead in leads])
         leads.sort(key=lambda lead: lead.at)
         self._fewest(leads, ring.length)
         self._build(ring, leads)
@@ -137,6 +140,10 @@ class TurningPlaces:
     def _loops(self, exits: Sequence[int], entries: Sequence[int]) -> set[int]:
         """Join the ends of the two carriageways of one street; the ends that are done."""
         done: set[int] = set()
+        # Parts that meet the rest beyond the box only need all their ends for this.
+        part = parts(directed(self._segments), "weak")
+        largest = self._largest(part)
+        exits, entries = ([node for node in ends if part[node] == largest] for ends in (exits, entries))
         pairs = sorted((math.dist(self._xy[a], self._xy[b]), a, b) for a in exits for b in entries)
         for far, a, b in pairs:
             if far <= LOOP_M and not {a, b} & done:
@@ -145,6 +152,14 @@ class TurningPlaces:
                     self._loop(a, b, c, s)
                     done |= {a, b}
         return done
+
+    def _largest(self, part: Mapping[int, int]) -> int:
+        """Number of the part with the longest streets."""
+        length: dict[int, float] = defaultdict(float)
+        for u, v, _ in self._segments:
+            if part[u] == part[v]:
+                length[part[u]] += math.dist(self._xy[u], self._xy[v])
+        return max(length, key=lambda k: (length[k], -k))
 
     def _tags(self, node: int) -> Tags:
         way = self._at[node][0][2]
@@ -168,20 +183,23 @@ class TurningPlaces:
         points = [(x + c * p - s * q, y + s * p + c * q) for p, q in local]
         self._add([leaving, *self._nodes(points), joining], self._tags(leaving))
 
-    def _lead(self, ring: shapely.LinearRing, node: int, kind: str, taken: Sequence[float]) -> list[_Lead]:
+    def _lead(
+        self, ring: shapely.LinearRing, node: int, kind: str, wanted: float, taken: Sequence[float]
+    ) -> list[_Lead]:
         """The first of several lines from an end to the ring that meets no street; none if all do."""
         (x, y), (c, s) = self._xy[node], self._outward(node)
         ahead = (x + LEAD_M * c, y + LEAD_M * s)
         asides = [(ahead[0] - side * ROOM_M * s, ahead[1] + side * ROOM_M * c) for side in (1.0, -1.0)]
-        nearest = float(shapely.line_locate_point(ring, shapely.Point(x, y)))
         for shift in SHIFTS_M:
-            at = (nearest + shift) % ring.length
-            if any(min((at - other) % ring.length, (other - at) % ring.length) < APART_M for other in taken):
+            at = (wanted + shift) % ring.length
+            if any(
+                min((at - other) % ring.length, (other - at) % ring.length) < APART_M - 1.0 for other in taken
+            ):
                 continue
             ((p, q),) = shapely.get_coordinates(shapely.line_interpolate_point(ring, at)).tolist()
             before = self._before(ring, at)
             for first in ([], [ahead], *([ahead, aside] for aside in asides)):
-                via = [*first, before] if first or shift else []
+                via = [*first, before]
                 line = [(x, y), *via, (p, q)]
                 if not _sharp([(x - c, y - s), *line]) and not self._crossed(line, {node}):
                     self._taken.append(shapely.LineString(line))
@@ -214,12 +232,8 @@ class TurningPlaces:
                     found += [(foot, onward), (onward, foot)]
             return parts(found, "strong")
 
-        length: dict[int, float] = defaultdict(float)
         home = reached()
-        for u, v, _ in self._segments:
-            if home[part[u]] == home[part[v]]:
-                length[home[part[u]]] += math.dist(self._xy[u], self._xy[v])
-        largest = max(length, key=lambda k: (length[k], -k))
+        largest = self._largest({node: home[k] for node, k in part.items()})
         wanted = [k for k in set(part.values()) if home[k] == largest]
 
         def spare(lead: _Lead, name: str) -> None:
@@ -281,6 +295,24 @@ class TurningPlaces:
         return any(line.crosses(way) for way in self._taken) or any(
             not own & set(self._segments[k][:2]) for k in hit
         )
+
+
+def _spread(stations: Sequence[float], whole: float) -> list[float]:
+    """Stations on a ring, moved as little as goes so that neighbours are apart; in order."""
+    if not stations:
+        return []
+    gaps = np.diff(stations, append=stations[0] + whole)
+    first = (int(np.argmax(gaps)) + 1) % len(stations)
+    x = (np.roll(stations, -first) - stations[first]) % whole - APART_M * np.arange(len(stations))
+    blocks: list[tuple[float, int]] = []
+    for value in x.tolist():
+        blocks.append((value, 1))
+        while len(blocks) > 1 and blocks[-2][0] > blocks[-1][0]:
+            (b, n), (a, m) = blocks.pop(), blocks.pop()
+            blocks.append(((a * m + b * n) / (m + n), m + n))
+    level = np.repeat([value for value, _ in blocks], [count for _, count in blocks])
+    moved = level + APART_M * np.arange(len(stations)) + stations[first]
+    return [round(float(value), 4) % whole for value in np.roll(moved, first)]
 
 
 def _sharp(points: Sequence[Point]) -> bool:
