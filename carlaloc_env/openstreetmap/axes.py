@@ -29,14 +29,10 @@ def fit(line: Array, least_radius_m: float, *, tolerance_m: float = 0.25, fixed:
     Corners that are too sharp for their surroundings are left out until the least radius is kept, but for
     the `fixed` points at both ends.
     """
-    inner = shapely.LineString(line[fixed - 1 : len(line) - fixed + 1])
-    simple = shapely.get_coordinates(shapely.simplify(inner, tolerance_m))
-    points = _apart(
-        [
-            tuple(p)
-            for p in np.concatenate([line[: fixed - 1], simple, line[len(line) - fixed + 1 :]]).tolist()
-        ]
-    )
+    last = len(line) - fixed + 1
+    simple = shapely.simplify(shapely.LineString(line[fixed - 1 : last]), tolerance_m)
+    inner = _apart([(float(x), float(y)) for x, y in shapely.get_coordinates(simple)])
+    points = [*map(tuple, line[: fixed - 1].tolist()), *inner, *map(tuple, line[last:].tolist())]
     while True:
         tangents, worst = _tangents(points, least_radius_m)
         near = [k for k in (worst - 1, worst, worst + 1) if fixed <= k < len(points) - fixed] if worst else []
@@ -106,7 +102,8 @@ def _share(length: float, own: float, other: float) -> float:
     half = length / 2
     if own <= half and other <= half:
         return half
-    return max(length - other, 0.0) if other < half else length * own / (own + other)
+    spare = length - own - other
+    return own + spare / 2 if spare > 0 else length * own / (own + other)
 
 
 def _dearest(points: Sequence[tuple[float, float]], near: Sequence[int]) -> int:
