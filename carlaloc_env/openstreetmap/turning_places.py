@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -31,9 +32,11 @@ BOTH_WAYS_M = 105.0
 """Two-way streets that end farther from that line are dead ends, not cut [m]."""
 APART_M = 33.0
 """Least distance of the places where ends meet that line [m]."""
-SHIFTS_M = (0.0, 20.0, -20.0, 40.0, -40.0, 65.0, -65.0, 100.0, -100.0, 150.0, -150.0)
+SHIFTS_M = (0.0, 12.0, -12.0, 24.0, -24.0, 40.0, -40.0, 65.0, -65.0, 100.0, -100.0, 150.0, -150.0)
 """How far from its nearest place on the line an end is led [m]."""
-SHARPEST = -0.3
+STRAIGHTS_M = (21.6, 18.0, 15.6)
+"""Straight before that line, the first with which an end can be led there [m]."""
+SHARPEST = 0.1
 """Cosine of the sharpest corner of a turning place."""
 FIRST_ID = -1_000_000_000
 """Ids of nodes and ways of turning places are this and less."""
@@ -140,17 +143,23 @@ class TurningPlaces:
     def _loops(self, exits: Sequence[int], entries: Sequence[int]) -> set[int]:
         """Join the ends of the two carriageways of one street; the ends that are done."""
         done: set[int] = set()
-        # Parts that meet the rest beyond the box only need all their ends for this.
         part = parts(directed(self._segments), "weak")
         largest = self._largest(part)
-        exits, entries = ([node for node in ends if part[node] == largest] for ends in (exits, entries))
+        ends = Counter((part[node], k) for k, nodes in enumerate((exits, entries)) for node in nodes)
         pairs = sorted((math.dist(self._xy[a], self._xy[b]), a, b) for a in exits for b in entries)
         for far, a, b in pairs:
-            if far <= LOOP_M and not {a, b} & done:
-                (c, s), (u, v) = self._outward(a), self._outward(b)
-                if c * u + s * v > 0.5 and not self._crossed([self._xy[a], self._xy[b]], {a, b}):
-                    self._loop(a, b, c, s)
-                    done |= {a, b}
+            one, other = part[a], part[b]
+            left = [sum(ends[k, kind] for k in {one, other}) for kind in (0, 1)]
+            # Parts that meet the rest beyond the box only keep an end of each kind for this.
+            if far > LOOP_M or {a, b} & done or (not one == other == largest and min(left) < 2):
+                continue
+            (c, s), (u, v) = self._outward(a), self._outward(b)
+            if c * u + s * v > 0.5 and not self._crossed([self._xy[a], self._xy[b]], {a, b}):
+                self._loop(a, b, c, s)
+                done |= {a, b}
+                part = {node: one if k == other else k for node, k in part.items()}
+                largest = one if largest == other else largest
+                ends[one, 0], ends[one, 1] = left[0] - 1, left[1] - 1
         return done
 
     def _largest(self, part: Mapping[int, int]) -> int:
@@ -190,14 +199,14 @@ class TurningPlaces:
         (x, y), (c, s) = self._xy[node], self._outward(node)
         ahead = (x + LEAD_M * c, y + LEAD_M * s)
         asides = [(ahead[0] - side * ROOM_M * s, ahead[1] + side * ROOM_M * c) for side in (1.0, -1.0)]
-        for shift in SHIFTS_M:
+        for shift, straight in itertools.product(SHIFTS_M, STRAIGHTS_M):
             at = (wanted + shift) % ring.length
             if any(
                 min((at - other) % ring.length, (other - at) % ring.length) < APART_M - 1.0 for other in taken
             ):
                 continue
             ((p, q),) = shapely.get_coordinates(shapely.line_interpolate_point(ring, at)).tolist()
-            before = self._before(ring, at)
+            before = _before(ring, at, straight)
             for first in ([], [ahead], *([ahead, aside] for aside in asides)):
                 via = [*first, before]
                 line = [(x, y), *via, (p, q)]
@@ -205,14 +214,6 @@ class TurningPlaces:
                     self._taken.append(shapely.LineString(line))
                     return [_Lead(at, node, kind, via, self._taken[-1].length)]
         return []
-
-    def _before(self, ring: shapely.LinearRing, at: float) -> Point:
-        """A point before a place on the ring, from which a street meets it at a right angle."""
-        (x0, y0), (x, y), (x1, y1) = shapely.get_coordinates(
-            shapely.line_interpolate_point(ring, np.array([at - 1.0, at, at + 1.0]) % ring.length)
-        ).tolist()
-        side = 1.3 * LEAD_M / math.hypot(x1 - x0, y1 - y0) * (1.0 if ring.is_ccw else -1.0)
-        return x - side * (y1 - y0), y + side * (x1 - x0)
 
     def _fewest(self, leads: Sequence[_Lead], whole: float) -> None:
         """Leave out stretches of the ring, and leads, while every part can be reached: the longest first."""
@@ -295,6 +296,14 @@ class TurningPlaces:
         return any(line.crosses(way) for way in self._taken) or any(
             not own & set(self._segments[k][:2]) for k in hit
         )
+
+
+def _before(ring: shapely.LinearRing, at: float, straight_m: float) -> Point:
+    """A point inside a ring, from which a street meets it at a right angle."""
+    places = shapely.line_interpolate_point(ring, np.array([at - 1.0, at, at + 1.0]) % ring.length)
+    (x0, y0), (x, y), (x1, y1) = shapely.get_coordinates(places).tolist()
+    side = straight_m / math.hypot(x1 - x0, y1 - y0) * (1.0 if ring.is_ccw else -1.0)
+    return x - side * (y1 - y0), y + side * (x1 - x0)
 
 
 def _spread(stations: Sequence[float], whole: float) -> list[float]:
