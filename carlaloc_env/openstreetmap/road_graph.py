@@ -159,14 +159,16 @@ def _opened(segments: Sequence[Segment], extract: Extract) -> list[Segment]:
             far += step
         return place
 
-    result = list(segments)
+    result, opened = list(segments), [np.full(2, np.inf)]
     for node, arriving in list(into.items()):
         leaving = out_of[node]
-        if len(arriving) == len(leaving) == 1 and arriving != leaving:
-            at = np.array(extract.xy_m[node])
+        at = np.array(extract.xy_m[node])
+        apart = min(float(np.hypot(*(at - other))) for other in opened) > TURN_BACK_M
+        if len(arriving) == len(leaving) == 1 and arriving != leaving and apart:
             step, onward = at - reached(node, into, 0), reached(node, out_of, 1) - at
             if float((step * onward).sum()) < TURNED_BACK * float(np.hypot(*step) * np.hypot(*onward)):
                 _, v, way = segments[leaving[0]]
+                opened.append(at)
                 fresh = FIRST_ID - 500_000 - len(extract.xy_m)
                 extract.xy_m[fresh] = extract.xy_m[node]
                 result[leaving[0]] = (fresh, v, way)
