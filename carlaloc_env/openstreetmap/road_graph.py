@@ -14,7 +14,15 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.openstreetmap.extract import Extract, Way
 from carlaloc_env.openstreetmap.tags import Street, direction, for_cars
-from carlaloc_env.openstreetmap.turning_places import FIRST_ID, Segment, TurningPlaces, directed, parts
+from carlaloc_env.openstreetmap.turning_places import (
+    FIRST_ID,
+    Segment,
+    TurningPlaces,
+    directed,
+    lengths,
+    longest,
+    parts,
+)
 
 PART_LEAST_M = 80.0
 """Parts of the streets that are shorter and apart from the rest are left out [m]."""
@@ -110,21 +118,15 @@ def build_graph(extract: Extract, street_of: Callable[[Way], Street]) -> RoadGra
 def _joined(segments: Sequence[Segment], extract: Extract) -> list[Segment]:
     """Streets without those that meet no others here and are short."""
     part = parts([(u, v) for u, v, _ in segments], "weak")
-    length: Counter[int] = Counter()
-    for u, v, _ in segments:
-        length[part[u]] += math.dist(extract.xy_m[u], extract.xy_m[v])  # type: ignore[assignment]
-    least = min(PART_LEAST_M, max(length.values()))
-    return [s for s in segments if length[part[s[0]]] >= least]
+    found = lengths(segments, part, extract.xy_m)
+    least = min(PART_LEAST_M, max(found.values()))
+    return [s for s in segments if found[part[s[0]]] >= least]
 
 
 def _longest(segments: Sequence[Segment], extract: Extract) -> list[Segment]:
     """Segments of the longest part in which every place can be reached from every other."""
     part = parts(directed(segments), "strong")
-    length: Counter[int] = Counter()
-    for u, v, _ in segments:
-        if part[u] == part[v]:
-            length[part[u]] += math.dist(extract.xy_m[u], extract.xy_m[v])  # type: ignore[assignment]
-    best = max(length, key=lambda k: (length[k], -k), default=-1)
+    best = longest(segments, part, extract.xy_m)
     return [s for s in segments if part[s[0]] == best == part[s[1]]]
 
 

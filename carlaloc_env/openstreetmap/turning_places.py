@@ -80,6 +80,23 @@ def parts(edges: Sequence[tuple[int, int]], connection: Literal["weak", "strong"
     return {node: int(found[k]) for node, k in number.items()}
 
 
+def lengths(
+    segments: Iterable[Segment], part: Mapping[int, int], xy_m: Mapping[int, Point]
+) -> dict[int, float]:
+    """Length of the streets inside each part [m]."""
+    found: dict[int, float] = defaultdict(float)
+    for u, v, _ in segments:
+        if part[u] == part[v]:
+            found[part[u]] += math.dist(xy_m[u], xy_m[v])
+    return found
+
+
+def longest(segments: Iterable[Segment], part: Mapping[int, int], xy_m: Mapping[int, Point]) -> int:
+    """Number of the part with the longest streets; -1 where no part has any."""
+    found = lengths(segments, part, xy_m)
+    return max(found, key=lambda k: (found[k], -k), default=-1)
+
+
 class TurningPlaces:
     """Makes streets between ends; their nodes are added to the extract."""
 
@@ -144,7 +161,7 @@ class TurningPlaces:
         """Join the ends of the two carriageways of one street; the ends that are done."""
         done: set[int] = set()
         part = parts(directed(self._segments), "weak")
-        largest = self._largest(part)
+        largest = longest(self._segments, part, self._xy)
         ends = Counter((part[node], k) for k, nodes in enumerate((exits, entries)) for node in nodes)
         pairs = sorted((math.dist(self._xy[a], self._xy[b]), a, b) for a in exits for b in entries)
         for far, a, b in pairs:
@@ -161,14 +178,6 @@ class TurningPlaces:
                 largest = one if largest == other else largest
                 ends[one, 0], ends[one, 1] = left[0] - 1, left[1] - 1
         return done
-
-    def _largest(self, part: Mapping[int, int]) -> int:
-        """Number of the part with the longest streets."""
-        length: dict[int, float] = defaultdict(float)
-        for u, v, _ in self._segments:
-            if part[u] == part[v]:
-                length[part[u]] += math.dist(self._xy[u], self._xy[v])
-        return max(length, key=lambda k: (length[k], -k))
 
     def _tags(self, node: int) -> Tags:
         way = self._at[node][0][2]
@@ -234,7 +243,7 @@ class TurningPlaces:
             return parts(found, "strong")
 
         home = reached()
-        largest = self._largest({node: home[k] for node, k in part.items()})
+        largest = longest(self._segments, {node: home[k] for node, k in part.items()}, self._xy)
         wanted = [k for k in set(part.values()) if home[k] == largest]
 
         def spare(lead: _Lead, name: str) -> None:
