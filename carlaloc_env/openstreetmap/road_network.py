@@ -57,7 +57,7 @@ class Tight:
     target: End
     radius_m: float
     spare: bool = False
-    """Whether other turns lead out of the one leg and into the other."""
+    """Whether other turns lead out of its lanes, and into the other leg."""
     sharp: bool = False
     built: bool = False
 
@@ -276,13 +276,14 @@ def _junction(
             memo[1][key] = _path(movement, legs, cluster, chains)
         lines.append(memo[1][key])
     wide = [movement for movement, line in zip(found, lines, strict=True) if line[1] >= LEAST_RADIUS_M]
-    sources, targets = ({m.source for m in wide}, {m.target for m in wide})
+    sources, targets = {(m.source, a) for m in wide for a, _ in m.lanes}, {m.target for m in wide}
     built = []
     for movement, (line, least_m) in zip(found, lines, strict=True):
         if least_m < LEAST_RADIUS_M:
             tight = Tight(cluster.ends[movement.source], cluster.ends[movement.target], least_m)
             network.tight.append(tight)
-            tight.spare = movement.source in sources and movement.target in targets
+            lanes = {(movement.source, a) for a, _ in movement.lanes}
+            tight.spare = lanes <= sources and movement.target in targets
             tight.sharp = abs(turn_angle(legs[movement.source], legs[movement.target])) > SHARP_RAD
             tight.built = least_m > TIGHTEST_M and (not tight.spare or tight.turn in needed)
             if not tight.built:
