@@ -106,9 +106,9 @@ class ScanPattern:
         found = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
         if config.receiver:
             if config.receiver.edge_rays:
-                range_m = body.range_m.copy()
-                range_m[free] = found.range_m
-                edges = np.flatnonzero(on_edges(range_m, config.columns)[free])
+                range_m, material = body.range_m.copy(), body.material.copy()
+                range_m[free], material[free] = found.range_m, found.material
+                edges = np.flatnonzero(on_edges(range_m, material, config.columns)[free])
                 along = part_beams(aimed[edges, 3:].astype(np.float64), config.receiver)
                 mixed, share[free[edges]] = self._mixed(
                     found.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power

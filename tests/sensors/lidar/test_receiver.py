@@ -221,8 +221,10 @@ def test_edges_mix_and_planes_do_not(scenery: Any) -> None:
     flat = np.full(1085 * 32, np.inf, np.float32)
     azimuth = np.repeat(np.linspace(-np.pi, np.pi, 1085, endpoint=False), 32)
     flat[np.cos(azimuth) > 0.2] = 10.0 / np.cos(azimuth[np.cos(azimuth) > 0.2])
-    edges = beams.on_edges(flat, 1085).reshape(1085, 32)
+    stone, leaves = (np.full(1085 * 32, kind, np.uint8) for kind in (Material.PLASTER, Material.LEAF))
+    edges = beams.on_edges(flat, stone, 1085).reshape(1085, 32)
     assert np.count_nonzero(edges.any(axis=1)) == 4, "the ends of the wall, from both sides"
+    assert not beams.on_edges(flat, leaves, 1085).any(), "one crown"
 
 
 def test_waves_of_the_road_show_in_ranges(scenery: Any) -> None:
