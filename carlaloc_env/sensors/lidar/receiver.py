@@ -133,7 +133,7 @@ class Receiver:
 
 
 def _table(config: LidarConfig, receiver: ReceiverConfig, errors: Array) -> ReceiverTable:
-    least = 0.1 / receiver.reach_m**3
+    least = 0.1 / (receiver.reach_m * receiver.reach_m * receiver.reach_m)
     return ReceiverTable(
         config=(
             1.0 / least,
