@@ -51,6 +51,7 @@ def check_lanes(network: LaneNetwork) -> None:
         coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(driving),) * 2), connection="strong"
     )
     assert parts == 1
+    assert all(any(n in index for n in lane.successors) for lane in driving)
 
 
 def covered(network: LaneNetwork, points: np.ndarray) -> float:
