@@ -52,3 +52,16 @@ def test_mistakes_are_told_early(words: list[str], short_drive: Path, tmp_path: 
     assert heavy == []
     assert seconds < 2.0
     assert not out.exists()
+
+
+def test_info_loads_no_compiler(short_drive: Path) -> None:
+    """The summary of a drive comes without numba, which takes as long to import as all else together."""
+    code = (
+        "import sys; sys.modules['numba'] = None; from recorder.cli.main import main;"
+        "sys.exit(main(sys.argv[1:]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "info", str(short_drive)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "complete" in done.stdout
