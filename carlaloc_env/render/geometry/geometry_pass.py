@@ -118,6 +118,7 @@ class GeometryPass:
         self._least_px = LEAST_PX if live else 0.0
         self._poses = InstanceBuffer(context, len(meshes))
         self._radius_m = np.array([_reach_m(mesh) for mesh in meshes], dtype=np.float64)
+        self._size_m = 2.0 * self._radius_m[[] if self._distant is None else self._distant.measured]
         self._low_m, self._high_m = mesh_boxes(meshes)
         self._textures = upload_textures(programs, albedo, trilinear=not is_software(context))
         give_back_mapped_pages(albedo)
@@ -130,15 +131,12 @@ class GeometryPass:
         """The instances as they are drawn from here: in live pictures simple ones where they look small."""
         if self._distant is None:
             return instances
-        return self._distant.of(
-            instances, np.maximum(levels(self._size_px(instances, view)), _is_small(view))
-        )
+        level = np.maximum(levels(self._size_px(instances, view)), _is_small(view))
+        return self._distant.of(instances, level)
 
     def _size_px(self, instances: Instances, view: CameraView) -> Array:
         """How large spheres round instances, or round their cars, look [px], shape (N,)."""
-        assert self._distant is not None
-        reach_m = self._radius_m[self._distant.measured][instances.model]
-        return np.asarray(2.0 * reach_m * view.camera.fx_px / distance_m(instances, view))
+        return np.asarray(self._size_m[instances.model] * view.camera.fx_px / distance_m(instances, view))
 
     def plan(self, view: CameraView, instances: Instances, known: Depths | None = None) -> Plan:
         """Choose and order the parts to draw; nothing is drawn yet.
@@ -224,13 +222,7 @@ class GeometryPass:
         if self._distant is not None:
             large = np.flatnonzero(self._size_px(instances, view) >= SHADOW_LEAST_PX)
             instances = self._distant.of(instances.take(large), 1 + _is_small(view))
-        return Casters(
-            library=self._library,
-            poses=self._poses,
-            instances=instances,
-            radius_m=self._radius_m,
-            in_view=self._live,
-        )
+        return Casters(library=self._library, poses=self._poses, instances=instances, radius_m=self._radius_m)
 
     def wake(self) -> None:
         """Let a software driver begin with the commands so far while the others follow.
@@ -369,5 +361,3 @@ class Casters:
     instances: Instances
     radius_m: Array
     """How far each model of the library reaches from its origin [m], shape (M,)."""
-    in_view: bool
-    """Whether only those count whose shadows may be seen: pictures then share no map."""

@@ -88,11 +88,13 @@ class Shadows:
         *,
         static_size_px: int = STATIC_SIZE_PX,
         actor_size_px: int = 1024,
+        in_view: bool = False,
     ) -> None:
+        """Make ready; with `in_view` actors count whose shadows may be seen: pictures then share no map."""
         self._context = context
         self._programs = programs
         self._scenery = scenery
-        self._static_size_px, self._actor_size_px = static_size_px, actor_size_px
+        self._static_size_px, self._actor_size_px, self._in_view = static_size_px, actor_size_px, in_view
         self._maps: _Maps = OrderedDict()
         self._actor_maps: _Maps = OrderedDict()
 
@@ -136,7 +138,7 @@ class Shadows:
         away = np.sum(axes * instances.T_world_model[:, None, :3, 3], axis=2) - across
         reach = casters.radius_m[instances.model][:, None]
         reaches = (np.abs(away) < half_extent_m + reach).all(axis=1)
-        if casters.in_view:
+        if self._in_view:
             reaches &= _may_shade(view, sun_direction, instances.T_world_model[:, :3, 3], reach)
         which = np.flatnonzero(reaches)
         drawn = (axes, across, instances.model[which], instances.T_world_model[which])
