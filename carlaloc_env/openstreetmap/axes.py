@@ -23,19 +23,22 @@ _SHARES = (0.08, 0.16, 0.25, 0.35, 0.5)
 """Where the two corners of a path between two poses are tried, in parts of their distance."""
 
 
-def fit(line: Array, least_radius_m: float, *, tolerance_m: float = 0.25) -> Path:
+def fit(line: Array, least_radius_m: float, *, tolerance_m: float = 0.25, fixed: int = 1) -> Path:
     """Path along a line of points (N, 2): it begins and ends straight, along the first and last points.
 
-    Corners that are too sharp for their surroundings are left out until the least radius is kept.
+    Corners that are too sharp for their surroundings are left out until the least radius is kept, but for
+    the `fixed` points at both ends.
     """
-    simple = shapely.simplify(shapely.LineString(line), tolerance_m)
-    points = [(float(x), float(y)) for x, y in shapely.get_coordinates(simple)]
-    points = _apart(points)
+    last = len(line) - fixed + 1
+    simple = shapely.simplify(shapely.LineString(line[fixed - 1 : last]), tolerance_m)
+    inner = _apart([(float(x), float(y)) for x, y in shapely.get_coordinates(simple)])
+    points = [*map(tuple, line[: fixed - 1].tolist()), *inner, *map(tuple, line[last:].tolist())]
     while True:
         tangents, worst = _tangents(points, least_radius_m)
-        if worst is None:
+        near = [k for k in (worst - 1, worst, worst + 1) if fixed <= k < len(points) - fixed] if worst else []
+        if not near:
             return rounded(points, tangents)
-        points.pop(_dearest(points, worst))
+        points.pop(_dearest(points, near))
 
 
 def rounded(points: Sequence[tuple[float, float]], tangents: Sequence[float]) -> Path:
@@ -99,17 +102,17 @@ def _share(length: float, own: float, other: float) -> float:
     half = length / 2
     if own <= half and other <= half:
         return half
-    return max(length - other, 0.0) if other < half else length * own / (own + other)
+    spare = length - own - other
+    return own + spare / 2 if spare > 0 else length * own / (own + other)
 
 
-def _dearest(points: Sequence[tuple[float, float]], worst: int) -> int:
-    """The corner near the worst one without which the line changes least."""
+def _dearest(points: Sequence[tuple[float, float]], near: Sequence[int]) -> int:
+    """The corner of some without which the line changes least."""
 
     def area(k: int) -> float:
         (x0, y0), (x1, y1), (x2, y2) = points[k - 1 : k + 2]
         return abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0))
 
-    near = [k for k in (worst - 1, worst, worst + 1) if 1 <= k <= len(points) - 2]
     return min(near, key=lambda k: (area(k), k))
 
 
@@ -134,16 +137,16 @@ def between(start: Pose, end: Pose, via: Array | None = None) -> Path:
                 if math.dist((p.x, p.y), (q.x, q.y)) > 0.2 * reach:
                     corners.append([first, (p.x, p.y), (q.x, q.y), last])
         return rounded(*max(map(_widest, corners), key=_goodness)[:2])
-    options: list[Path] = []
-    for lead in (2.0, 4.0, 7.0):
+    options: list[tuple[float, Path]] = []
+    for trim, lead in itertools.product((0.0, 6.0, 12.0), (2.0, 4.0, 7.0)):
         p, q = start.ahead(lead), end.ahead(-lead)
-        line = np.array([first, (p.x, p.y), *via, (q.x, q.y), last])
-        path = fit(line, 9.0, tolerance_m=0.8)
-        if abs(wrap(path.start.h - start.h)) + abs(wrap(path.end.h - end.h)) < 1e-6:
-            options.append(path)
-    if not options:
-        return between(start, end)
-    return max(options, key=lambda path: round(min(radius(path), 20.0), 3))
+        far = np.minimum(np.hypot(*(via - first).T), np.hypot(*(via - last).T))
+        line = np.array([first, (p.x, p.y), *via[far >= trim + lead], (q.x, q.y), last])
+        path = fit(line, 9.0, tolerance_m=0.8, fixed=2)
+        options.append((round(min(radius(path), 20.0), 3), path))
+        if lead == 7.0 and max(wide for wide, _ in options) >= 8.5:
+            break
+    return max(options, key=lambda option: option[0])[1]
 
 
 def _aside(start: Pose, end: Pose) -> float:
@@ -182,7 +185,7 @@ def _goodness(option: tuple[list[tuple[float, float]], list[float], float]) -> f
     """Wide first, then short."""
     points, _, radius_m = option
     length = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
-    return round(min(radius_m, 60.0), 3) - 0.01 * length
+    return round(min(radius_m, 60.0), 3) - 0.3 * length
 
 
 def radius(path: Path) -> float:

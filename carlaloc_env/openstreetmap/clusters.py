@@ -29,8 +29,8 @@ TURN_M = 7.8
 """Radius sought for the middle of a turning lane, so that rear wheels stay off kerbs [m]."""
 FARTHEST_M = 40.0
 """Turns are made wider until legs end this far from their node [m]."""
-REACH_M, SLOW_REACH_M = 130.0, 24.0
-"""How far the ends of legs may lie from their node, on fast and on other streets [m]."""
+REACH_M, SLOW_REACH_M, OVERLAP_M = 130.0, 24.0, 70.0
+"""How far legs may end from their node, on fast and other streets, and where lanes overlap [m]."""
 SHARP_RAD = math.radians(112.0)
 """Sharper turns make no junction larger: they are left out where they do not fit."""
 FAST_RANK = 4
@@ -142,6 +142,14 @@ def find_clusters(chains: Sequence[Chain], more: Mapping[tuple[int, int], float]
             fast = chains[k].street.rank >= FAST_RANK
             longest = SWALLOWED_M if fast else SLOW_SWALLOWED_M
             changed = ((one or length <= longest) and swallow(k)) or changed
+        for k, chain in enumerate(chains):
+            # Beside the turns of a junction there is no room for a street of its own.
+            if (
+                k not in inner
+                and root(chain.nodes[0]) == root(chain.nodes[-1])
+                and chain.length_m <= SWALLOWED_M
+            ):
+                changed = swallow(k) or changed
         if not changed:
             _shrink(clusters, chains)
             return clusters
@@ -198,7 +206,8 @@ def _apart(a: End, b: End) -> None:
     """Move both ends away until their carriageways do not meet."""
     limits = [float(shapely.LineString(e.line).length) for e in (a, b)]
     fast = max(a.street.rank, b.street.rank) >= FAST_RANK
-    reach = min(REACH_M if fast else SLOW_REACH_M, *limits)
+    usual = REACH_M if fast else SLOW_REACH_M
+    reach = min(max(usual, OVERLAP_M), *limits)
     if reach < 1.0:
         return
     s = np.arange(0.0, reach, _STEP_M)
@@ -210,8 +219,10 @@ def _apart(a: End, b: End) -> None:
     for end, own, other in ((a, lines[0], lines[1]), (b, lines[1], lines[0])):
         near = shapely.distance(shapely.line_interpolate_point(own, s), other)
         # Carriageways side by side never part: they end where they are as far apart as they will be.
-        bound = min(least, float(near[-8:].min()) - 0.4)
-        close = np.flatnonzero(near < bound)
+        bound = min(least, float(near[s <= usual][-8:].min()) - 0.4)
+        # Farther out it is enough that lanes do not lie on each other.
+        far_bound = min(least - GAP_M - 1.0, float(near[-8:].min()) - 0.4)
+        close = np.flatnonzero(near < np.where(s <= usual, bound, far_bound))
         if len(close):
             end.setback_m = max(end.setback_m, float(s[close[-1]]) + 1.5)
 

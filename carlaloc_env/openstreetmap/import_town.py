@@ -115,7 +115,7 @@ def import_town(source: Path, *, box: Box | None = None, name: str = "") -> Impo
     kept = _beside(features, network)
     return ImportedTown(
         xodr=xodr,
-        toml=settings_text(title, extract, Features(kept, {}), network),
+        toml=settings_text(title, extract, Features(kept, {}), network, xodr),
         features=geojson(kept, extract),
         report=_report(source, extract, graph, chains, dropped, features, network, country, side, found),
     )

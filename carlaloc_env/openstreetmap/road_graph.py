@@ -9,17 +9,25 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.openstreetmap.extract import Extract, Way
 from carlaloc_env.openstreetmap.tags import Street, direction, for_cars
-from carlaloc_env.openstreetmap.turning_places import FIRST_ID, TurningPlaces, one_way_ends
+from carlaloc_env.openstreetmap.turning_places import (
+    FIRST_ID,
+    Segment,
+    TurningPlaces,
+    directed,
+    lengths,
+    longest,
+    parts,
+)
 
 PART_LEAST_M = 80.0
 """Parts of the streets that are shorter and apart from the rest are left out [m]."""
+TURN_BACK_M, TURNED_BACK = 20.0, -0.65
+"""A one-way street turns back if the directions so far before and behind its apex [m] have this cosine."""
 PART_M = 30.0
 """Parts of a street with other numbers of lanes that are shorter are built like their neighbours [m]."""
 
@@ -72,10 +80,7 @@ class RoadGraph:
     kept_m: float = 0.0
     """Length of those that are built [m]."""
     asked_m: float = 0.0
-    """Length of all streets for cars that lead anywhere [m]."""
-
-
-Segment = tuple[int, int, Way]
+    """Length of all streets for cars [m]."""
 
 
 def build_graph(extract: Extract, street_of: Callable[[Way], Street]) -> RoadGraph:
@@ -91,112 +96,89 @@ def build_graph(extract: Extract, street_of: Callable[[Way], Street]) -> RoadGra
             segments += [(u, v, way) for u, v in itertools.pairwise(nodes) if u != v]
     if not segments:
         raise MapError(f"{extract.source} has no street for cars here; give a box with streets")
-    segments = _opened(segments, extract)
-    largest = _strong(segments, extract, _outside(segments))
-    everywhere, apart = _with_parts(segments, largest, extract)
-    homes = _dead_ends(largest)
-    places = TurningPlaces(everywhere, extract)
-    more = [(u, v, way) for way in places.join(*one_way_ends(_directed(everywhere)), homes, apart)
+    whole = _opened(segments, extract)
+    kept = _joined(whole, extract)
+    more = [(u, v, way) for way in TurningPlaces(kept, extract).join()
             for u, v in itertools.pairwise(way.nodes)]  # fmt: skip
-    kept = _strong([*everywhere, *more], extract, ())
+    kept = _longest([*kept, *more], extract)
     own = [s for s in kept if s[2].id > FIRST_ID]
     if _length(own, extract) < 60.0:
         raise MapError(
             f"{extract.source} has no streets here on which one could drive for ever; give a larger box"
         )
-    graph = RoadGraph(
+    return RoadGraph(
         chains=_chains(kept, extract, street_of),
-        asked_m=_length(everywhere, extract),
+        asked_m=_length(whole, extract),
         kept_m=_length(own, extract),
         turning_m=_length(kept, extract) - _length(own, extract),
+        left_out=_left_out(whole, own, extract),
     )
-    built, reachable = {way.id for _, _, way in kept}, {way.id for _, _, way in everywhere}
-    for _, _, way in segments:
-        if way.id not in built:
-            why = "its one-way end leads nowhere" if way.id in reachable else "it joins no other street here"
-            graph.left_out[way.id] = why
-    return graph
 
 
-def _with_parts(
-    segments: Sequence[Segment], largest: Sequence[Segment], extract: Extract
-) -> tuple[list[Segment], list[int]]:
-    """The largest part and others that end at the box like it; and two-way ends of these."""
-    found, taken = list(largest), {(u, v, way.id) for u, v, way in largest}
-    apart: list[int] = []
-    rest = [(u, v, way) for u, v, way in segments if (u, v, way.id) not in taken]
-    while rest:
-        part = _strong(rest, extract, _outside(rest))
-        if _length(part, extract) < PART_LEAST_M:
-            break
-        ends = _dead_ends(part)
-        taken = {(u, v, way.id) for u, v, way in part}
-        rest = [(u, v, way) for u, v, way in rest if (u, v, way.id) not in taken]
-        if ends:
-            found += part
-            apart += ends
-    return found, apart
+def _joined(segments: Sequence[Segment], extract: Extract) -> list[Segment]:
+    """Streets without those that meet no others here and are short."""
+    part = parts([(u, v) for u, v, _ in segments], "weak")
+    found = lengths(segments, part, extract.xy_m)
+    least = min(PART_LEAST_M, max(found.values()))
+    return [s for s in segments if found[part[s[0]]] >= least]
 
 
-def _dead_ends(segments: Sequence[Segment]) -> list[int]:
-    """Nodes at which two-way streets end."""
-    degree = Counter(node for s in segments for node in s[:2])
-    return sorted({n for s in segments if direction(s[2].tags) == 0 for n in s[:2] if degree[n] == 1})
+def _longest(segments: Sequence[Segment], extract: Extract) -> list[Segment]:
+    """Segments of the longest part in which every place can be reached from every other."""
+    part = parts(directed(segments), "strong")
+    best = longest(segments, part, extract.xy_m)
+    return [s for s in segments if part[s[0]] == best == part[s[1]]]
+
+
+def _left_out(segments: Sequence[Segment], kept: Sequence[Segment], extract: Extract) -> dict[int, str]:
+    """Ways that are not built, or not along all their length, and why."""
+    built = {(u, v, way.id) for u, v, way in kept}
+    lost: Counter[int] = Counter()
+    for u, v, way in segments:
+        if (u, v, way.id) not in built:
+            lost[way.id] += math.dist(extract.xy_m[u], extract.xy_m[v])  # type: ignore[assignment]
+    why = "which no other street leads to and back from"
+    return {way: f"{metres:.0f} m, {why}" for way, metres in lost.items() if metres > 1.0}
 
 
 def _opened(segments: Sequence[Segment], extract: Extract) -> list[Segment]:
-    """One-way streets that end where their own way back begins, without turning anywhere else, apart."""
+    """One-way streets that turn back more tightly than a road can, cut where they do."""
     into: dict[int, list[int]] = defaultdict(list)
     out_of: dict[int, list[int]] = defaultdict(list)
     for k, (u, v, way) in enumerate(segments):
         for a, b in ((u, v), (v, u))[: 1 if direction(way.tags) else 2]:
             into[b].append(k)
             out_of[a].append(k)
-    result = list(segments)
-    for node, arriving in into.items():
-        leaving = out_of.get(node, [])
-        if len(arriving) != 1 or len(leaving) != 1 or arriving == leaving:
-            continue
-        (u, _, _), (_, v, way) = segments[arriving[0]], segments[leaving[0]]
-        before, at, after = (np.array(extract.xy_m[k]) for k in (u, node, v))
-        step, onward = at - before, after - at
-        if float(step[0] * onward[0] + step[1] * onward[1]) < -0.85 * np.hypot(*step) * np.hypot(*onward):
-            fresh = FIRST_ID - 500_000 - len(extract.xy_m)
-            extract.xy_m[fresh] = extract.xy_m[node]
-            result[leaving[0]] = (fresh, v, way)
+
+    def reached(node: int, onward: Mapping[int, list[int]], end: int) -> Array:
+        """About where one is TURN_BACK_M before or behind a node."""
+        place, far = np.array(extract.xy_m[node]), 0.0
+        while far < TURN_BACK_M and len(into[node]) == len(out_of[node]) == 1:
+            node = segments[onward[node][0]][:2][end]
+            ahead = np.array(extract.xy_m[node])
+            step = float(np.hypot(*(ahead - place)))
+            place = place + (ahead - place) * min(1.0, (TURN_BACK_M - far) / max(step, 1e-9))
+            far += step
+        return place
+
+    result, opened = list(segments), [np.full(2, np.inf)]
+    for node, arriving in list(into.items()):
+        leaving = out_of[node]
+        at = np.array(extract.xy_m[node])
+        apart = min(float(np.hypot(*(at - other))) for other in opened) > TURN_BACK_M
+        if len(arriving) == len(leaving) == 1 and arriving != leaving and apart:
+            step, onward = at - reached(node, into, 0), reached(node, out_of, 1) - at
+            if float((step * onward).sum()) < TURNED_BACK * float(np.hypot(*step) * np.hypot(*onward)):
+                _, v, way = segments[leaving[0]]
+                opened.append(at)
+                fresh = FIRST_ID - 500_000 - len(extract.xy_m)
+                extract.xy_m[fresh] = extract.xy_m[node]
+                result[leaving[0]] = (fresh, v, way)
     return result
 
 
 def _length(segments: Iterable[Segment], extract: Extract) -> float:
     return math.fsum(math.dist(extract.xy_m[u], extract.xy_m[v]) for u, v, _ in segments)
-
-
-def _directed(segments: Sequence[Segment]) -> list[tuple[int, int]]:
-    edges = [(u, v) for u, v, _ in segments]
-    return edges + [(v, u) for u, v, way in segments if direction(way.tags) == 0]
-
-
-def _outside(segments: Sequence[Segment]) -> list[tuple[int, int]]:
-    """Edges through one node that stands for everything beyond the extract."""
-    exits, entries = one_way_ends(_directed(segments))
-    return [(node, 0) for node in exits] + [(0, node) for node in entries]
-
-
-def _strong(segments: Sequence[Segment], extract: Extract, more: Sequence[tuple[int, int]]) -> list[Segment]:
-    """Segments of the longest part in which every place can be reached from every other."""
-    edges = [*_directed(segments), *more]
-    number = {node: k for k, node in enumerate(sorted({node for edge in edges for node in edge}))}
-    rows, columns = np.array([[number[a], number[b]] for a, b in edges]).T
-    shape = (len(number),) * 2
-    _, part = connected_components(
-        coo_matrix((np.ones(len(edges)), (rows, columns)), shape=shape), connection="strong"
-    )
-    length: Counter[int] = Counter()
-    for u, v, _ in segments:
-        if part[number[u]] == part[number[v]]:
-            length[int(part[number[u]])] += math.dist(extract.xy_m[u], extract.xy_m[v])  # type: ignore[assignment]
-    best = max(length, key=lambda k: (length[k], -k), default=-1)
-    return [s for s in segments if part[number[s[0]]] == best == part[number[s[1]]]]
 
 
 def _chains(segments: Sequence[Segment], extract: Extract, street_of: Callable[[Way], Street]) -> list[Chain]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -37,10 +37,14 @@ LEAST_RADIUS_M, TIGHTEST_M = 6.15, 2.5
 """Least radius of the middle of any lane, and of one that is the only way on [m]."""
 ROUTE_M = 3.0
 """Turns that leave the streets inside a junction farther than this follow them [m]."""
+STREET_M = 4.0
+"""Turning bulbs keep so far away from other streets [m]."""
 GUTTER_M = 0.3
 """Width of gutters [m]."""
 
 
+Turn = tuple[int, int, int, int]
+"""Chain and side of the leg one comes from, and of the one into which one turns."""
 Memo = tuple[dict[object, Path], dict[object, tuple[Path, float]]]
 """Lines of roads, and of turns with their least radius, that were found before."""
 
@@ -53,9 +57,14 @@ class Tight:
     target: End
     radius_m: float
     spare: bool = False
-    """Whether other turns lead out of the one leg and into the other."""
+    """Whether other turns lead out of its lanes, and into the other leg."""
     sharp: bool = False
     built: bool = False
+
+    @property
+    def turn(self) -> Turn:
+        """Chains and sides that it joins."""
+        return self.source.chain, self.source.side, self.target.chain, self.target.side
 
 
 @dataclass(slots=True)
@@ -100,8 +109,9 @@ def build_network(
     clusters: Sequence[Cluster],
     heights: Heights,
     banned: Mapping[tuple[int, int], frozenset[int]],
-    solid: shapely.STRtree | None,
+    solid: shapely.STRtree,
     memo: Memo,
+    needed: Container[Turn],
     *,
     yellow: bool,
 ) -> RoadNetwork:
@@ -114,14 +124,16 @@ def build_network(
         banned: Ways into which one may not turn from a way (key: way and node); `restrictions`.
         solid: Footprints on which no turning bulb may lie.
         memo: Lines that were found before.
+        needed: Turns that are built though they are tight and others lead on.
         yellow: Whether centre lines are yellow.
     """
     network = RoadNetwork()
     setback = {(end.chain, end.side): end for cluster in clusters for end in cluster.ends}
+    streets = shapely.STRtree([shapely.LineString(chain.line) for chain in chains])
     for cluster in clusters:
         if len(cluster.ends) == 1 and cluster.ends[0].setback_m == 0.0:
             end = cluster.ends[0]
-            end.setback_m = _bulb_setback(end, chains[end.chain], solid)
+            end.setback_m = _bulb_setback(end, chains[end.chain], solid, streets)
     for k, chain in enumerate(chains):
         if (k, 0) in setback:
             first, last = setback[k, 0], setback[k, 1]
@@ -134,7 +146,7 @@ def build_network(
             network.of_chain[k] = part
     for cluster in clusters:
         if cluster.ends:
-            _junction(cluster, chains, network, heights, banned, memo)
+            _junction(cluster, chains, network, heights, banned, memo, needed)
     return network
 
 
@@ -189,8 +201,8 @@ def _whiten(section: SectionPlan) -> None:
         lane.marks = [replace(m, color="white" if m.color == "yellow" else m.color) for m in lane.marks]
 
 
-def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree | None) -> float:
-    """How far before its end a street gets its turning bulb: where it meets the fewest houses."""
+def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree, streets: shapely.STRtree) -> float:
+    """How far before its end a street gets its turning bulb: where it meets the fewest houses and streets."""
     best: tuple[float, float] | None = None
     for back in np.arange(0.0, max(min(0.6 * chain.length_m, chain.length_m - 12.0, 60.0), 0.1), 4.0):
         x, y, h = end.at(float(back))
@@ -200,10 +212,14 @@ def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree | None) -> floa
         except PlanError:
             return float(back)
         outline = shapely.buffer(shapely.LineString(sampled(path, 2.0)).convex_hull, end.half_m)
-        meets = 0.0
-        if solid is not None:
-            near = solid.geometries.take(solid.query(outline, predicate="intersects"))
-            meets = round(float(shapely.area(shapely.intersection(near, outline)).sum()), 1)
+        near = solid.geometries.take(solid.query(outline, predicate="intersects"))
+        area = shapely.area(shapely.intersection(near, outline)).sum()
+        wide = shapely.buffer(outline, STREET_M)
+        others = [
+            streets.geometries[k] for k in streets.query(wide, predicate="intersects") if k != end.chain
+        ]
+        area += STREET_M * shapely.length(shapely.intersection(others, wide)).sum()
+        meets = round(float(area), 1)
         if best is None or meets < best[0] - 1.0:
             best = (meets, float(back))
         if meets < 1.0:
@@ -225,6 +241,7 @@ def _junction(
     heights: Heights,
     banned: Mapping[tuple[int, int], frozenset[int]],
     memo: Memo,
+    needed: Container[Turn],
 ) -> None:
     numbers = network.numbers
     legs = [leg_of(network.of_chain[e.chain], "start" if e.side == 0 else "end") for e in cluster.ends]
@@ -259,15 +276,16 @@ def _junction(
             memo[1][key] = _path(movement, legs, cluster, chains)
         lines.append(memo[1][key])
     wide = [movement for movement, line in zip(found, lines, strict=True) if line[1] >= LEAST_RADIUS_M]
-    sources, targets = ({m.source for m in wide}, {m.target for m in wide})
+    sources, targets = {(m.source, a) for m in wide for a, _ in m.lanes}, {m.target for m in wide}
     built = []
     for movement, (line, least_m) in zip(found, lines, strict=True):
         if least_m < LEAST_RADIUS_M:
             tight = Tight(cluster.ends[movement.source], cluster.ends[movement.target], least_m)
             network.tight.append(tight)
-            tight.spare = movement.source in sources and movement.target in targets
+            lanes = {(movement.source, a) for a, _ in movement.lanes}
+            tight.spare = lanes <= sources and movement.target in targets
             tight.sharp = abs(turn_angle(legs[movement.source], legs[movement.target])) > SHARP_RAD
-            tight.built = least_m > TIGHTEST_M and not tight.spare
+            tight.built = least_m > TIGHTEST_M and (not tight.spare or tight.turn in needed)
             if not tight.built:
                 continue
         network.roads.append(_connect(movement, part, legs, line, numbers, plane))
@@ -283,12 +301,16 @@ def _allowed(
     cluster: Cluster, chains: Sequence[Chain], banned: Mapping[tuple[int, int], frozenset[int]]
 ) -> set[tuple[int, int]]:
     index = {(end.chain, end.side): k for k, end in enumerate(cluster.ends)}
-    found = set()
+    leads, found = set(), set()
     for a, b in reachable(cluster, chains):
+        pair = index[a.chain, a.side], index[b.chain, b.side]
         source, target = (chains[e.chain].pieces[0 if e.side == 0 else -1].way for e in (a, b))
+        leads.add(pair)
         if not any(target in banned.get((source, node), ()) for node in cluster.nodes):
-            found.add((index[a.chain, a.side], index[b.chain, b.side]))
-    return found
+            found.add(pair)
+    # Where the box cuts off the street into which one must turn, one turns into any.
+    lost = [{pair[k] for pair in leads} - {pair[k] for pair in found} for k in (0, 1)]
+    return found | {(a, b) for a, b in leads if a in lost[0] or b in lost[1]}
 
 
 def _path(

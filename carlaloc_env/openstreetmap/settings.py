@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Sequence
 
@@ -11,6 +12,10 @@ import shapely
 from carlaloc_env.openstreetmap.extract import Extract
 from carlaloc_env.openstreetmap.features import Feature, Features
 from carlaloc_env.openstreetmap.road_network import RoadNetwork
+from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
+from carlaloc_env.town.lanes.build_network import build_network
+from carlaloc_env.town.opendrive.reader import read_opendrive
+from carlaloc_env.town.routing.default_route import choose_route
 
 ZONES = {
     "field": "rural", "wood": "rural", "residential": "residential", "industrial": "industrial",
@@ -23,11 +28,13 @@ DENSE = 0.28
 """Share of the ground under houses from which a quarter without land use is a downtown."""
 VEHICLES_PER_KM, WALKERS_PER_KM = 7.0, 4.0
 """Road users for each kilometre of street."""
+LEAST_ROWS = 30
+"""Lanes of so many samples of a route, or fewer, are none of its points."""
 MOST_VEHICLES, MOST_WALKERS = 160, 60
 
 
-def settings_text(name: str, extract: Extract, features: Features, network: RoadNetwork) -> str:
-    """Text of `town.toml`."""
+def settings_text(name: str, extract: Extract, features: Features, network: RoadNetwork, xodr: str) -> str:
+    """Text of `town.toml`, for the map whose text is `xodr`."""
     geo = extract.geo
     roads = [road for road in network.roads if road.junction < 0]
     km = sum(road.length for road in roads) / 1000.0
@@ -47,6 +54,7 @@ def settings_text(name: str, extract: Extract, features: Features, network: Road
         "[traffic]",
         f"vehicles = {min(MOST_VEHICLES, round(VEHICLES_PER_KM * km))}",
         f"walkers = {min(MOST_WALKERS, round(WALKERS_PER_KM * walked))}",
+        *_route(xodr),
     ]
     dry = _ground_of(network)
     for kind, zone in ZONES.items():
@@ -58,6 +66,22 @@ def settings_text(name: str, extract: Extract, features: Features, network: Road
                 if part.geom_type == "Polygon" and part.area >= LEAST_M2.get(zone, 3000.0):
                     lines += ["", "[[zone]]", f'kind = "{zone}"', f"polygon = {_corners(part)}"]
     return "\n".join(lines) + "\n"
+
+
+def _route(xodr: str) -> list[str]:
+    """Lines of the default route: about a kilometre of the town's own streets, without turning places."""
+    town = read_opendrive(xodr.encode())
+    lanes = build_network(town)
+    ours = {road.id for road in town.roads if PLACE_NAME in road.name or ": back from" in road.name}
+    route = choose_route(lanes, avoided=np.array([lane.road_id in ours for lane in lanes.lanes]))
+    if route is None or route.closed:
+        return []
+    starts = np.flatnonzero(np.diff(route.lane, prepend=-1))
+    middles = [(a + b) // 2 for a, b in itertools.pairwise([*starts, len(route.lane)])
+               if lanes.lanes[route.lane[a]].junction_id is None and b - a > LEAST_ROWS]  # fmt: skip
+    rows = [0, *middles[1:-1], len(route.lane) - 1]
+    points = ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y, _ in route.position_m[rows])
+    return ["", "[route]", f"points = [{points}]"]
 
 
 def _walked(road) -> bool:  # type: ignore[no-untyped-def]

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.openstreetmap.clusters import Cluster, find_clusters
 from carlaloc_env.openstreetmap.road_graph import Chain
-from carlaloc_env.openstreetmap.road_network import Heights, Memo, RoadNetwork, build_network
+from carlaloc_env.openstreetmap.road_network import Heights, Memo, RoadNetwork, Turn, build_network
 
 ROUNDS = 8
 """How often legs are moved away from junctions at most."""
@@ -23,7 +23,7 @@ def settle(
     chains: Sequence[Chain],
     heights_of: Callable[[Sequence[Chain], Sequence[Cluster]], Heights],
     banned: Mapping[tuple[int, int], frozenset[int]],
-    solid: shapely.STRtree | None,
+    solid: shapely.STRtree,
     *,
     yellow: bool,
 ) -> tuple[RoadNetwork, list[Chain], list[Chain]]:
@@ -47,12 +47,13 @@ def settle(
     kept = list(chains)
     dropped: list[Chain] = []
     memo: Memo = ({}, {})
+    needed: set[Turn] = set()
     while kept:
         more: Counter[tuple[int, int]] = Counter()
         for _ in range(ROUNDS):
             clusters = find_clusters(kept, more)
-            network = build_network(kept, clusters, Heights(), banned, solid, memo, yellow=yellow)
-            narrow = [t for t in network.tight if not (t.sharp and t.spare)]
+            network = build_network(kept, clusters, Heights(), banned, solid, memo, needed, yellow=yellow)
+            narrow = [t for t in network.tight if not (t.sharp and t.spare) or t.turn in needed]
             if not narrow:
                 break
             for end in {(e.chain, e.side) for t in narrow for e in (t.source, t.target)}:
@@ -60,11 +61,17 @@ def settle(
         lost = unreachable(network)
         if not lost:
             heights = heights_of(kept, clusters)
-            network = build_network(kept, clusters, heights, banned, solid, memo, yellow=yellow)
+            network = build_network(kept, clusters, heights, banned, solid, memo, needed, yellow=yellow)
             return network, kept, dropped
+        # Turns that were left out may be those that lead on.
+        ways_on = {t.turn for t in network.tight if not t.built and {t.source.chain, t.target.chain} & lost}
+        if not ways_on <= needed:
+            needed |= ways_on
+            continue
         dropped += [kept[k] for k in sorted(lost)]
         kept = [chain for k, chain in enumerate(kept) if k not in lost]
         memo = ({}, {})
+        needed.clear()
     raise MapError("no street is left on which one could drive for ever; give a larger box")
 
 

@@ -92,9 +92,10 @@ def test_boxes_that_hold_nothing_give_one_line(tmp_path: Path) -> None:
         import_town(tmp_path / "none.osm")
 
 
-def test_a_single_short_dead_end_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("tags", [{}, {"oneway": "yes"}])
+def test_a_single_short_dead_end_is_refused(tags: dict[str, str], tmp_path: Path) -> None:
     sketch = Sketch()
-    sketch.way((0, 0), (30, 0), highway="residential")
+    sketch.way((0, 0), (30, 0), highway="residential", **tags)
     with pytest.raises(MapError, match="larger box"):
         import_town(sketch.write(tmp_path / "a.osm"))
 

@@ -83,6 +83,21 @@ def test_houses_are_cut_where_a_carriageway_clips_them() -> None:
     assert overlap(footprint, shapely.box(0, 0, 20, 10)) > 0.92
 
 
+def test_no_house_keeps_a_sliver_on_a_carriageway() -> None:
+    """A corner of a few square centimetres, too."""
+    corner = shapely.Polygon([(-50, 11), (50, 9.995), (50, 30), (-50, 30)])
+    (footprint,) = houses(house(shapely.box(0, 0, 50, 10)), roadway=corner).footprints()
+    assert 0.0 < shapely.box(0, 0, 50, 10).intersection(corner).area < 0.02
+    assert footprint.intersection(corner).area == 0.0
+
+
+def test_more_houses_than_go_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("carlaloc_env.openstreetmap.import_town.MOST_BUILDINGS", 15)
+    path = village().write(tmp_path / "a.osm")
+    with pytest.raises(MapError, match="16 houses; 15 go at once: cut it by --bbox"):
+        import_town(path)
+
+
 def test_a_street_through_a_house_gets_a_passage() -> None:
     road = shapely.box(8, -50, 13, 60)
     found = houses(house(shapely.box(0, 0, 20, 10), height_m=14.0, levels=4), roadway=road)

@@ -21,5 +21,5 @@ def test_a_place(path: Path, tmp_path: Path) -> None:
     town = import_town(path)
     write_town(town, tmp_path)
     assert check_map(tmp_path / "town.xodr").errors == ()
-    assert town.report["built_m"] > 0.75 * town.report["streets_m"]
+    assert town.report["built_m"] >= 0.95 * town.report["streets_m"]
     assert town.report["junctions"] > 0

@@ -6,15 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomllib
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, village
 
 from carlaloc_env.openstreetmap.import_town import ImportedTown, import_town, write_town
+from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
 from carlaloc_env.town.checks.report import report
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
+from carlaloc_env.town.routing.route import plan_route
 
 
 def made(sketch: Sketch, folder: Path) -> tuple[ImportedTown, LaneNetwork]:
@@ -48,6 +51,7 @@ def check_lanes(network: LaneNetwork) -> None:
         coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(driving),) * 2), connection="strong"
     )
     assert parts == 1
+    assert all(any(n in index for n in lane.successors) for lane in driving)
 
 
 def covered(network: LaneNetwork, points: np.ndarray) -> float:
@@ -140,6 +144,42 @@ def test_one_way_streets_at_the_box_are_led_back(tmp_path: Path) -> None:
     town, _ = made(sketch, tmp_path)
     assert town.report["built_m"] > 0.95 * town.report["streets_m"]
     assert town.report["turning_places_m"] > 100
+
+
+def test_parts_that_meet_beyond_the_box_are_joined(tmp_path: Path) -> None:
+    """A cross of streets, and a pair of streets apart from it, one of which leaves the box one-way."""
+    sketch = Sketch()
+    sketch.way((-200, 0), (0, 0), (200, 0), highway="residential")
+    sketch.way((0, -200), (0, 0), (0, 200), highway="residential")
+    sketch.way((60, 200), (60, 80), (200, 80), highway="residential", oneway="yes", name="Apart")
+    sketch.way((60, 80), (60, 30), highway="residential", name="Apart")
+    town, network = made(sketch, tmp_path)
+    assert town.report["built_m"] == town.report["streets_m"]
+    assert covered(network, np.column_stack([np.full(20, 60.0), np.linspace(90, 190, 20)])) == 1.0
+    assert not [why for why in town.report["left_out"].values() if "leads to and back" in why]
+
+
+def test_streets_that_turn_back_too_tightly_are_built_to_their_end(tmp_path: Path) -> None:
+    """Two carriageways 8 m apart that meet at their far end: too close for any bend."""
+    sketch = Sketch()
+    sketch.way((-150, 0), (0, 0), (60, 0), (150, 0), highway="residential")
+    turn = [(0, 0), (0, 205), (4, 220), (8, 205), (8, 40), (60, 0)]
+    sketch.way(*turn, highway="residential", oneway="yes")
+    _, network = made(sketch, tmp_path)
+    middle = np.array([0.0, 110.0])
+    assert covered(network, np.column_stack([np.zeros(30), np.linspace(30, 200, 30)]) - middle) > 0.95
+    assert covered(network, np.column_stack([np.full(30, 8.0), np.linspace(60, 200, 30)]) - middle) > 0.95
+
+
+def test_the_default_route_follows_the_towns_own_streets(tmp_path: Path) -> None:
+    """About a kilometre, as `town.toml` says, and planned as any route is."""
+    town, network = made(village(), tmp_path)
+    points = tomllib.loads(town.toml)["route"]["points"]
+    route = plan_route(network, [(x, y) for x, y in points], for_car=True)
+    assert 700.0 < route.length_m < 1100.0
+    names = {road.id: road.name for road in read_opendrive(tmp_path / "town.xodr").roads}
+    driven = {names[network.lanes[lane].road_id] for lane in set(route.lane.tolist())}
+    assert not [name for name in driven if PLACE_NAME in name]
 
 
 def test_a_turn_that_is_not_allowed_has_no_lane(tmp_path: Path) -> None:

@@ -158,7 +158,7 @@ class Houses:
         low = feature.number("min_height_m", 0.0)
         over = shapely.intersection(outline, roadway) if shapely.intersects(outline, roadway) else None
         parts, open_m = [outline], 0.0
-        if over is not None and over.area > 0.02 and low < PASSAGE_M:
+        if over is not None and low < PASSAGE_M:
             near = shapely.intersection(roadway, shapely.box(*shapely.buffer(outline, 2.0).bounds))
             parts = polygons_of(without(outline, shapely.buffer(near, CLEAR_M)))
             if over.area > PASSAGE_M2 and feature.number("height_m", 0.0) > PASSAGE_M + 1.5:

@@ -39,17 +39,21 @@ def lanes_that_go_on(network: LaneNetwork, usable: NDArray[np.bool_] | None = No
     return alive
 
 
-def choose_route(network: LaneNetwork, length_m: float = ROUTE_LENGTH_M) -> Route | None:
+def choose_route(
+    network: LaneNetwork, length_m: float = ROUTE_LENGTH_M, avoided: NDArray[np.bool_] | None = None
+) -> Route | None:
     """An open route of about this length [m], or the longest found; None if nothing can be driven.
 
     It begins on one of the longest lanes and turns, wherever it can, into the lane least driven; where all
     roads lead out of the map, it takes those on which most is to come. Turns on the spot are left to others,
-    and so are lanes that begin or end narrower than a car.
+    and so are lanes that begin or end narrower than a car, and `avoided` ones (N,) where there are others.
     A map that is nothing but one lane that leads back into itself has a loop.
     """
     driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
     least_m = np.minimum.reduceat(network.tables.width_m, network.tables.first)
     easy = driving & ~_turns_on_the_spot(network) & (least_m >= CAR_WIDTH_M)
+    if avoided is not None and lanes_that_go_on(network, easy & ~avoided).any():
+        easy &= ~avoided
     usable = easy if easy.any() else driving
     onward = lanes_that_go_on(network, easy)
     if not onward.any():
