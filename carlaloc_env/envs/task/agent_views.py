@@ -145,7 +145,8 @@ def _touching(polygons: NDArray[np.int32]) -> NDArray[np.int32]:
     """Those polygons (N, corners, 2) that lie in the picture, or within two pixels of it."""
     margin, size = 2 << _SUBPIXEL_BITS, SIZE_PX << _SUBPIXEL_BITS
     touches = (polygons.max(axis=1) > -margin) & (polygons.min(axis=1) < size + margin)
-    return polygons[touches.all(axis=1)]
+    seen: NDArray[np.int32] = polygons[touches.all(axis=1)]
+    return seen
 
 
 def _fill(out: NDArray[np.uint8], polygons: NDArray[np.int32], value: int) -> None:
