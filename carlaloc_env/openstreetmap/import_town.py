@@ -26,7 +26,7 @@ from carlaloc_env.openstreetmap.road_graph import Chain, RoadGraph, build_graph
 from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.settings import settings_text
 from carlaloc_env.openstreetmap.settling import settle
-from carlaloc_env.openstreetmap.tags import Street, read_street
+from carlaloc_env.openstreetmap.tags import LANE_M, Street, read_street
 
 FILES = ("town.xodr", "town.toml", "features.geojson", "LICENCE", "report.json", "preview.png")
 """Files of the folder."""
@@ -177,7 +177,7 @@ def _narrow(chains: Sequence[Chain], solid: Sequence[Any]) -> None:
             if not open_.any():
                 continue
             half = min(float(free[0][open_].min()), float(free[1][open_].min())) - 0.25
-            lane = min(street.lane_m, max(2.3, 2.0 * (half - 0.3) / sum(street.lanes)))
+            lane = min(street.lane_m, max(LANE_M[0], 2.0 * (half - 0.3) / sum(street.lanes)))
             taken = half_width(replace(street, lane_m=lane))
             walks = []
             for side, room in zip(street.walks, free, strict=True):

@@ -15,7 +15,7 @@ CLASSES: dict[str, tuple[int, float]] = {
     "residential": (1, 3.0), "living_street": (0, 2.75),
 }  # fmt: skip
 """Rank of every class of street that cars use, and width of its lanes where no tag says it [m]."""
-LANE_M = (2.3, 3.75)
+LANE_M = (2.6, 3.75)
 """Narrowest and widest lane that is built [m]."""
 MOST_LANES = 6
 """Most lanes of one direction."""
