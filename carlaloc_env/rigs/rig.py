@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -231,7 +231,8 @@ def _sensor(entry: Any, where: str, base: Mapping[str, Any] | None = None) -> Se
     where = f"{where} ({kind})"
     try:
         preset = config.preset_values(str(entry["preset"])) if "preset" in entry else {}
-        values = config.file_values(values, {**(base or {}), **preset})
+        plain = {key: to_mapping(part) if is_dataclass(part) else part for key, part in preset.items()}
+        values = config.file_values(values, {**(base or {}), **plain})
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
     return from_mapping(config, values, where)

@@ -13,7 +13,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.sensors.vehicle import SpeedConfig
 
@@ -48,6 +48,17 @@ def test_presets_are_starting_points() -> None:
     expected = ImuConfig(**ImuConfig.preset_values("tactical"), rate_hz=100.0)
     assert rig.sensors == (expected,)
     assert SensorRig.from_yaml(rig.to_yaml()).sensors == (expected,)
+
+
+def test_presets_with_parts_are_starting_points() -> None:
+    """The receiver of a LiDAR's preset stays where a file changes one of its values."""
+    values = LidarConfig.preset_values("hdl32e_road")
+    for entry, receiver in (
+        ("", ReceiverConfig()),
+        (", receiver: {reach_m: 40}", ReceiverConfig(reach_m=40.0)),
+    ):
+        rig = SensorRig.from_yaml(f"sensors:\n- {{kind: lidar, preset: hdl32e_road{entry}}}\n")
+        assert rig.sensors == (LidarConfig(**{**values, "receiver": receiver}),)
 
 
 @pytest.mark.parametrize(

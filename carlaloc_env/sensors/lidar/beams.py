@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.raycast import Hits
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.ranging_config import ReceiverConfig
 
 PULSE_LENGTH_M = 0.6
@@ -54,7 +55,7 @@ def weigh(beams: list[Hits], power: Callable[[Hits], Array]) -> tuple[Hits, Arra
     return result, share
 
 
-EDGE_M = 0.2
+EDGE_M = 0.3
 """Least step of the range between neighbouring beams at which a beam is cast again in parts [m]."""
 
 
@@ -82,17 +83,22 @@ def part_beams(directions: Array, receiver: ReceiverConfig) -> Iterator[Array]:
         yield moved / np.sqrt(np.sum(moved * moved, axis=-1))[:, None]
 
 
-def on_edges(range_m: F32, columns: int) -> NDArray[np.bool_]:
+def on_edges(range_m: F32, material: NDArray[np.uint8], columns: int) -> NDArray[np.bool_]:
     """Whether the neighbours of a beam in its own ring lie on other surfaces, shape (rays,).
 
-    Along a plane 1/R is linear in the tangent of the azimuth, so its second difference is a bend.
+    Along a plane 1/R is linear in the tangent of the azimuth, so its second difference is a bend. Within one
+    crown parts of a beam are nearer to each other than a pulse is long.
 
     Args:
         range_m: Distances of all rays column by column, inf where nothing is [m], shape (rays,).
+        material: Materials there, shape (rays,).
         columns: Columns of the revolution.
     """
     near = (1.0 / range_m.astype(np.float64)).reshape(columns, -1)
     before, after = np.roll(near, 1, axis=0), np.roll(near, -1, axis=0)
     nearest = np.maximum(np.maximum(before, after), near)
-    found: NDArray[np.bool_] = np.abs(before + after - 2.0 * near) > EDGE_M * nearest * nearest
-    return found.reshape(-1)
+    leafy = (material == Material.LEAF).reshape(columns, -1)
+    crown = leafy & np.roll(leafy, 1, axis=0) & np.roll(leafy, -1, axis=0)
+    bent = np.abs(before + after - 2.0 * near) > EDGE_M * nearest * nearest
+    found: NDArray[np.bool_] = (bent & ~crown).reshape(-1)
+    return found

@@ -39,6 +39,7 @@ from carlaloc_env.sensors.lidar.kernels import (
     points_of,
 )
 from carlaloc_env.sensors.lidar.receiver import Receiver, ground_relief
+from carlaloc_env.sensors.lidar.surface_details import surface_details
 from carlaloc_env.sensors.ranging_config import OUTPUTS, LidarConfig
 from carlaloc_env.sensors.stochastic_processes import white
 from carlaloc_env.timeline.timeline import Timeline
@@ -54,9 +55,9 @@ class Cast:
     hits: Hits
     """First hits, shape (M,)."""
     share: F32
-    """Energy that each hit returns over that of a whole beam on its surface, shape (M,)."""
+    """Energy that each hit returns over that of a whole beam on its material, shape (M,)."""
     relief_m: F32
-    """Height of the ground above its mesh at each hit [m], shape (M,)."""
+    """Height of the surface above its mesh at each hit [m], shape (M,)."""
 
 
 class ScanPattern:
@@ -105,17 +106,21 @@ class ScanPattern:
         found = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
         if config.receiver:
             if config.receiver.edge_rays:
-                range_m = body.range_m.copy()
-                range_m[free] = found.range_m
-                edges = np.flatnonzero(on_edges(range_m, config.columns)[free])
+                range_m, material = body.range_m.copy(), body.material.copy()
+                range_m[free], material[free] = found.range_m, found.material
+                edges = np.flatnonzero(on_edges(range_m, material, config.columns)[free])
                 along = part_beams(aimed[edges, 3:].astype(np.float64), config.receiver)
                 mixed, share[free[edges]] = self._mixed(
                     found.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power
                 )
                 found.put(edges, mixed)
-            if config.receiver.relief and self._world.roughness is not None:
-                place = (*world.middle_m[:2].tolist(), 1e-3 * config.receiver.beam_mrad[1])
-                relief_m[free] = ground_relief(aimed, found, self._world.roughness, place)
+            if config.receiver.relief:
+                rows, coat, height_m = surface_details(aimed, found, world.middle_m)
+                share[free[rows]] *= coat
+                if self._world.roughness is not None:
+                    place = (*world.middle_m[:2].tolist(), 1e-3 * config.receiver.beam_mrad[1])
+                    relief_m[free] = ground_relief(aimed, found, self._world.roughness, place)
+                relief_m[free[rows]] += height_m
         elif config.divergence_mrad:
             along = sub_rays(aimed[:, 3:].astype(np.float64), 1e-3 * config.divergence_mrad)
             found, _ = self._mixed(found, aimed, along, stamps_ns, timeline, power)

@@ -1,10 +1,10 @@
 """From hits to measurements as a pulsed receiver makes them: echoes found or lost, ranges, intensities.
 
-The amplitude of an echo over that of the weakest one is ρ(θ)·s·f/R² · reach²/0.1 with the reflectance
+The amplitude of an echo over that of the weakest one is ρ(θ)·s·f·(reach/R)³/0.1 with the reflectance
 towards the source ρ(θ), the stretching s of pulses on slanting ground and the focus f near the sensor. Of a
 pulse that is n times as long, a filter matched to it finds n^(−½) of the amplitude for the same energy. The
-power of each shot follows from the last echo of its laser, so the first shot behind a near, bright surface
-may be too weak for a far, dark one.
+power of each shot follows from the last echo of its laser. So the first shot behind a near, bright surface
+may be too weak for a far, dark one, and the first on the bright surface so strong that it has no time.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ class ShotInputs(NamedTuple):
     cos_incidence: F32
     """Cosine between ray and normal, (H,)."""
     share: F32
-    """Reflectance of what returns over that of the surface: texture, and the part of the beam, (H,)."""
+    """Reflectance of what returns over that of the surface: texture, details, the part of the beam, (H,)."""
     relief_m: F32
-    """Height of the ground above its mesh [m], (H,)."""
+    """Height of the surface above its mesh [m], (H,)."""
     normal: Array
     """Standard normal numbers: of range, of amplitude, (2, H)."""
 
@@ -69,9 +69,9 @@ class ShotInputs(NamedTuple):
 class ReceiverTable(NamedTuple):
     """Constants of a receiver, for compiled functions."""
 
-    config: tuple[float, float, float, float, float, float, float, float]
-    """Amplitude per ρ/R² [m²], focus [m], pulse [m], noise of strong and of weak echoes [m], noise of
-    amplitudes, smallest power, full scale."""
+    config: tuple[float, float, float, float, float, float, float, float, float]
+    """Amplitude per ρ/R³ [m³], focus [m], pulse [m], noise of strong and of weak echoes [m], noise of
+    amplitudes, smallest power, full scale, overload over it."""
     beam_rad: tuple[float, float]
     """Width of the beam along and across the scan [rad]."""
     quantum_m: float
@@ -114,8 +114,8 @@ class Receiver:
         Args:
             ring: Laser of each shot, in the order of time, shape (H,).
             hits: First surfaces.
-            share: Part of each beam's light on its surface, shape (H,).
-            relief_m: Height of the ground above its mesh [m], shape (H,).
+            share: Reflectance over the material's, times the part of each beam's light there, shape (H,).
+            relief_m: Height of the surface above its mesh [m], shape (H,).
             normal: Standard normal numbers of range and amplitude, shape (2, H).
         """
         range_m, intensity = np.empty(len(hits), np.float32), np.empty(len(hits), np.float32)
@@ -133,7 +133,7 @@ class Receiver:
 
 
 def _table(config: LidarConfig, receiver: ReceiverConfig, errors: Array) -> ReceiverTable:
-    least = 0.1 / (receiver.reach_m * receiver.reach_m)
+    least = 0.1 / (receiver.reach_m * receiver.reach_m * receiver.reach_m)
     return ReceiverTable(
         config=(
             1.0 / least,
@@ -144,6 +144,7 @@ def _table(config: LidarConfig, receiver: ReceiverConfig, errors: Array) -> Rece
             receiver.noise_amplitude,
             1.0 / (1 << (receiver.power_levels - 1)),
             receiver.full_scale,
+            receiver.overload,
         ),
         beam_rad=(1e-3 * receiver.beam_mrad[0], 1e-3 * receiver.beam_mrad[1]),
         quantum_m=receiver.range_quantum_m,
@@ -167,7 +168,7 @@ def _receive(
         out_range_m: Receives ranges [m], shape (H,).
         out_intensity: Receives intensities, shape (H,).
     """
-    scale, focus_m, pulse_m, strong_m, weak_m, hiss, least_power, full_scale = table.config
+    scale, focus_m, pulse_m, strong_m, weak_m, hiss, least_power, full_scale, overload = table.config
     wide, tall = table.beam_rad
     for i in range(len(shots.range_m)):
         laser, r = shots.ring[i], float(shots.range_m[i])
@@ -181,9 +182,9 @@ def _receive(
         slant_m = _SPREAD * tall * r * math.sqrt(1.0 - cosine * cosine) / cosine
         stretch = 1.0 / math.sqrt(math.sqrt(1.0 + slant_m * slant_m / (pulse_m * pulse_m)))
         focus = 1.0 - elementary_kernels.exp(-(r * r) / (focus_m * focus_m))
-        full = scale * (diffuse + 10.0 * retro) * stretch * focus / (r * r)
+        full = scale * (diffuse + 10.0 * retro) * stretch * focus / (r * r * r)
         noise = hiss * shots.normal[1, i]
-        amplitude = power[laser] * full + noise
+        amplitude, strong = power[laser] * full + noise, power[laser] > least_power
         if amplitude < 1.0:
             power[laser] = 1.0
             continue
@@ -191,6 +192,8 @@ def _receive(
         while chosen * full_measured > full_scale and chosen > least_power:
             chosen *= 0.5
         power[laser] = chosen
+        if strong and amplitude > overload * full_scale:
+            continue
         grains = max(wide * r * tall * r / (cosine * GRAIN_M * GRAIN_M), 1.0)
         uneven_m = table.reflection.grain_height_m[kind] / cosine
         shifted_m = slant_m * table.reflection.contrast[kind]

@@ -53,7 +53,8 @@ Others are set beside these: stones of asphalt are steeper than sand, and blades
 _SLOPE = 0.35
 """Spread of the slopes of other materials [rad]."""
 _SCATTERED: dict[Material, float] = {
-    **dict.fromkeys((Material.GLASS, Material.WATER), 0.12),
+    Material.GLASS: 0.008,
+    Material.WATER: 0.12,
     **dict.fromkeys((Material.WINDOW, Material.WINDOW_WIDE), 0.35),
     **dict.fromkeys((Material.CURTAIN_WALL, Material.SHOP_FRONT, Material.SHOP_FRONT_B), 0.35),
     **dict.fromkeys((Material.LAMP_WHITE, Material.LAMP_RED, Material.LAMP_AMBER, Material.LAMP_GREEN), 0.5),
@@ -63,9 +64,11 @@ _SCATTERED: dict[Material, float] = {
 }
 """Share of the reflectance that is scattered; the rest is mirrored.
 
-Of clean glass 8 % of the light come back from its two faces (n = 1.5), nearly all mirrored; dust scatters
-1 %. Windows have frames and curtains besides, and car paint a clear coat that mirrors 4 %.
+Of clean glass 8 % of the light come back from its two faces (n = 1.5), nearly all mirrored. Car paint has a
+clear coat that mirrors 4 %.
 """
+_BLADES = dict.fromkeys((Material.GRASS, Material.CROP), 2.0 / 3.0)
+"""Mean cosine of the incidence on blades, which stand at all angles (de Wit 1965)."""
 _PANES_RAD = 0.01
 """Least spread of the slopes of mirrors [rad]: panes of one front do not hang quite alike."""
 GRAIN_M = 0.01
@@ -97,7 +100,8 @@ def reflection_table(*, grains: bool = True) -> ReflectionTable:
     for kind in Material:
         info, share = MATERIALS[kind], _SCATTERED.get(kind, 1.0)
         a, b = oren_nayar(_SLOPES.get(kind, _SLOPE))
-        parts = info.reflectance * share, info.reflectance * (1.0 - share)
+        level = info.reflectance * _BLADES.get(kind, 1.0)
+        parts = level * share, level * (1.0 - share)
         uneven = _GRAINS.get(kind, (0.0, 0.0)) if grains else (0.0, 0.0)
         rows.append((*parts, b / a, max(info.roughness**2, _PANES_RAD), info.retro, *uneven))
     return ReflectionTable(*(np.ascontiguousarray(column) for column in np.array(rows).T))
