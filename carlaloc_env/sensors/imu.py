@@ -85,8 +85,8 @@ IMU_GRADES: dict[str, dict[str, float]] = {
 }
 """Grades of IMUs. Densities and walks of the ADIS16448 are EuRoC's (imu0/sensor.yaml), its further
 figures those of its data sheet; ``consumer`` follows the MPU-9250's and ``tactical`` the ADIS16490's
-data sheet, ``rt3003`` OXTS's of the RT3000 family, one of which drove KITTI. Their walks, and the scale and
-mounting errors left after calibration, are ours."""
+data sheet, ``rt3003`` those of OXTS's RT3000 v2 and v3 (KITTI's car had an RT3003). Their walks, and the
+scale and mounting errors left after calibration, are ours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -76,9 +76,10 @@ class ReceiverConfig:
     laser_gain: float = 2e-4
     """Deviation of the lasers' errors in proportion to the range, 2e-4 = 2 mm in 10 m."""
     range_quantum_m: float = 0.002
-    """Step of the ranges [m], 0.002 = manual; 0: none."""
+    """Step of the ranges [m], 0.002 = manual, appendix B; 0: none."""
     whole_intensity: bool = True
-    """Whether intensities are whole numbers: 0–100 diffuse, 101–255 retro-reflectors (manual)."""
+    """Whether intensities are whole numbers: 0–100 diffuse, 101–255 retro-reflectors (Software Version 2.0
+    Description, page 16)."""
     power_levels: int = 11
     """Powers of a laser, each half of the one before, of which its last echo decides; 1: always the full one.
 
@@ -95,7 +96,7 @@ class ReceiverConfig:
     In nuScenes' scan half of the first shots on a surface whose echo is 4 to 8 times as strong as the one
     before are lost, and nearly all above that."""
     beam_mrad: tuple[float, float] = (3.0, 1.5)
-    """Width of the beam along the scan and across it [mrad]; manual of the VLS-128, whose beams are such."""
+    """Width of the beam along and across the scan [mrad]: 4 by 2 inches at 100 feet (manual, appendix D)."""
     edge_rays: int = 4
     """Rays besides the middle one of a beam whose neighbours lie elsewhere, so that edges mix; 0: none."""
     relief: bool = True
