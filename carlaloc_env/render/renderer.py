@@ -148,8 +148,7 @@ class SceneRenderer:
         x, y, z = (SWAY_S * float(speed) for speed in np.asarray(wind_mps, dtype=np.float64))
         sway = (x, y, z, stamp_ns % SWAY_PERIOD_NS * 1e-9)
         view = CameraView.of(camera, T_world_camera, self._subsamples, velocity_mps)
-        casting = self._geometry_pass.casting(instances)
-        near = casting.take(np.flatnonzero(distance_m(casting, view) < ACTOR_SHADOW_RANGE_M))
+        near = instances.take(np.flatnonzero(distance_m(instances, view) < ACTOR_SHADOW_RANGE_M))
         # Read before the context is entered: on leaving an inner `with` none would be current.
         known = None if earlier is None else self._carried(view, earlier)
         plan = self._geometry_pass.plan(view, self._geometry_pass.simplified(instances, view), known)

@@ -2,6 +2,7 @@
 
 import weakref
 from collections.abc import Callable
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -36,7 +37,7 @@ from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
 
-LIVE_SHADOWS = {"static_size_px": 3072, "actor_size_px": 512}
+LIVE_SHADOWS: dict[str, Any] = {"static_size_px": 3072, "actor_size_px": 512, "in_view": True}
 """Shadow maps of a live window, which has a new static one drawn every few seconds."""
 
 

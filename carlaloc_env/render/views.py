@@ -100,7 +100,7 @@ class CameraView:
         low_m, high_m = np.ascontiguousarray(low_m), np.ascontiguousarray(high_m)
         _distances(distance, low_m, high_m, normals, offsets, self.position_m)
         seen = np.flatnonzero(distance < FAR_M)
-        seen = seen[np.lexsort((seen, distance[seen]))]
+        seen = seen[np.argsort(distance[seen], kind="stable")]
         return seen, distance[seen]
 
 

@@ -3,13 +3,15 @@
 The steps lie far below every sensor's noise: 0.5 mm, 0.1 mrad (0.2 mm at a bumper), 4 mm/s.
 """
 
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.jit import compiled
 from carlaloc_env.timeline.timeline import ActorFrame
 
 POSITION_STEP_M = 2.0**-11
@@ -77,9 +79,9 @@ def on_grid(frame: ActorFrame) -> ActorFrame:
     """The same state rounded to whole steps: `decode_actors` of its `encode_actors`."""
     rounded = {name: np.array(getattr(frame, name), order="C") for name in (*_STEPS, *_ANGLES)}
     for name, (step, most) in _STEPS.items():
-        _round(rounded[name].reshape(-1), step, most)
+        _compiled(_round)(rounded[name].reshape(-1), step, most)
     for name in _ANGLES:
-        _round_angles(rounded[name])
+        _compiled(_round_angles)(rounded[name])
     return ActorFrame(**rounded, lights=frame.lights)
 
 
@@ -92,14 +94,20 @@ _STEPS = {
 _ANGLES = ("heading_rad", "pitch_rad", "roll_rad", "steer_rad")
 
 
-@compiled
+@functools.cache
+def _compiled(function: Callable[..., None]) -> Callable[..., Any]:
+    # Here, since numba takes half a second to import, and recorded states are read without it.
+    from carlaloc_env.core.jit import compiled
+
+    return compiled(function)
+
+
 def _round(values: NDArray[np.float32], step: float, most: float) -> None:
     """Round numbers (N,) to whole steps, `most` of them; 0 is added since codes have no −0."""
     for k in range(len(values)):
         values[k] = min(max(np.rint(values[k] / step), -most), most) * step + 0.0
 
 
-@compiled
 def _round_angles(angles_rad: NDArray[np.float32]) -> None:
     """Round angles (N,) to whole steps, −π up to below π."""
     for k in range(len(angles_rad)):

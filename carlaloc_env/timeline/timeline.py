@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,8 +18,10 @@ from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.timeline.ego_spline import EgoTrack, Motion
 from carlaloc_env.timeline.vehicle_track import CarTrack
+
+if TYPE_CHECKING:
+    from carlaloc_env.timeline.ego_spline import EgoTrack, Motion
 
 LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, LIGHT_LOW_BEAM, LIGHT_REVERSE = 1, 2, 4, 8, 16
 """Bits of `ActorFrame.lights`."""
@@ -163,7 +165,12 @@ class Timeline:
         self, catalog: ActorCatalog, *, ego: EgoTrack | None = None, car: CarTrack | None = None
     ) -> None:
         self.catalog = catalog
-        self.ego = ego if ego is not None else EgoTrack()
+        if ego is None:
+            # Here, since numba takes half a second to import, and much is read without any motion.
+            from carlaloc_env.timeline.ego_spline import EgoTrack
+
+            ego = EgoTrack()
+        self.ego = ego
         self.car = car if car is not None else CarTrack()
         self._frames: list[ActorFrame] = []
         self._signals: list[NDArray[np.uint8]] = []

@@ -21,7 +21,6 @@ from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.config import SignalTiming
-from carlaloc_env.town.construction import traffic_counts
 from carlaloc_env.traffic.tables.record_arrays import fill
 from carlaloc_env.traffic.tables.vehicle_state import DriverParameters, Drivers
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
@@ -124,7 +123,12 @@ def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: in
     for name in options:
         if name not in _OPTIONS:
             raise ConfigError(unknown_name("traffic option", name, _OPTIONS))
-    vehicles, walkers = traffic_counts(town.network, town.config.traffic)
+    vehicles, walkers = town.config.traffic.vehicles, town.config.traffic.walkers
+    if vehicles is None or walkers is None:
+        # Here, since what builds towns takes half a second to import, and a town's file names its numbers.
+        from carlaloc_env.town.construction import traffic_counts
+
+        vehicles, walkers = traffic_counts(town.network, town.config.traffic)
     timing = town.config.signals
     timing = replace(timing, green_wave=bool(options.pop("green_wave", timing.green_wave)))
     if not timing.green_wave:

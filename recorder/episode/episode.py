@@ -29,7 +29,6 @@ from carlaloc_env.core.files.output_paths import (
     recording_path,
     take_lock,
 )
-from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 from recorder.episode.mcap_container import (
@@ -165,6 +164,9 @@ class Episode:
 
     def timeline(self) -> Timeline:
         """The whole drive, equal bit for bit to that of the live sensors."""
+        # Here, since numba takes half a second to import.
+        from carlaloc_env.timeline.ego_spline import EgoTrack
+
         track = EgoTrack.from_arrays(self.ego["position_m"], self.ego["quat_xyzw"])
         switches = [self.ego[name] for name in ("throttle", "brake", "reverse", "handbrake")]
         car = CarTrack.from_arrays(

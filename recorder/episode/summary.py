@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.errors import ConfigError, EpisodeError, MapError, is_name, unknown_name
-from carlaloc_env.core.transforms import quat_to_rpy, wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from carlaloc_env.town.sources import TownId, find_town, identify_town, known_towns
@@ -129,7 +129,7 @@ def _mover_close_s(episode: Episode) -> float:
 
 def _is_close(ego: NDArray[np.void], others: ActorFrame, size_m: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Whether a mover is close ahead at each of K steps, (K,); sizes of the N actors [m], (N, 3)."""
-    heading = quat_to_rpy(ego["quat_xyzw"])[:, 2:]
+    heading = _yaw_rad(ego["quat_xyzw"])[:, None]
     away = others.position_m - ego["position_m"][:, None]
     cos, sin = np.cos(heading), np.sin(heading)
     along, across = np.abs(np.cos(others.heading_rad - heading)), np.abs(np.sin(others.heading_rad - heading))
@@ -141,6 +141,12 @@ def _is_close(ego: NDArray[np.void], others: ActorFrame, size_m: NDArray[np.floa
     return close
 
 
+def _yaw_rad(quat_xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Yaw of attitudes (N, 4), without the half second that the compiled functions of `transforms` take."""
+    x, y, z, w = quat_xyzw.T
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
 def summarise(episode: Episode) -> EpisodeSummary:
     """Figures of an episode."""
     position = episode.ego["position_m"]
@@ -149,7 +155,7 @@ def summarise(episode: Episode) -> EpisodeSummary:
     closed = False
     if len(position):
         closure_m = float(np.linalg.norm(position[-1] - position[0]))
-        yaw = quat_to_rpy(episode.ego["quat_xyzw"][[0, -1]])[:, 2]
+        yaw = _yaw_rad(episode.ego["quat_xyzw"][[0, -1]])
         closure_deg = float(np.degrees(abs(wrap_angle(yaw[1] - yaw[0]))))
         closed = driven_m > 50.0 and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG
     standing, stops = _standing(episode)

@@ -52,3 +52,27 @@ def test_mistakes_are_told_early(words: list[str], short_drive: Path, tmp_path: 
     assert heavy == []
     assert seconds < 2.0
     assert not out.exists()
+
+
+def test_info_loads_no_compiler(short_drive: Path) -> None:
+    """The summary of a drive comes without numba, which takes as long to import as all else together."""
+    code = (
+        "import sys; sys.modules['numba'] = None; from recorder.cli.main import main;"
+        "sys.exit(main(sys.argv[1:]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "info", str(short_drive)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "complete" in done.stdout
+
+
+def test_a_town_from_the_cache_loads_nothing_that_builds_towns() -> None:
+    """`gymnasium.make` of a town that is kept on disk, whose file has the numbers of its traffic."""
+    code = (
+        "import gymnasium, carlaloc_env, sys; gymnasium.make('CarlaLoc-Town03-v0', rig='state');"
+        "sys.exit('carlaloc_env.town.construction' in sys.modules)"
+    )
+    # The first one may have to build the town.
+    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, check=False) for _ in range(2)]
+    assert runs[-1].returncode == 0, runs[-1].stderr

@@ -9,7 +9,8 @@ from shared_fixtures.drives.straight_drives import MakeEnv
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
-from carlaloc_env.envs.task.agent_views import AHEAD_M, CHANNELS, PX_M, SIZE_PX
+from carlaloc_env.envs.task import agent_views
+from carlaloc_env.envs.task.agent_views import AHEAD_M, CHANNELS, PX_M, SIZE_PX, BirdsEyeView
 from carlaloc_env.envs.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, corner_speeds, state_names
 from carlaloc_env.envs.task.task_world import Ego, first_in_path
 from carlaloc_env.scene.materials import Tag
@@ -209,6 +210,27 @@ def test_a_straight_road_from_above(make_env: MakeEnv) -> None:
     assert np.abs(np.flatnonzero(lanes[10]) + 0.5 - SIZE_PX / 2).max() == pytest.approx(1.75 / PX_M, abs=1.0)
     assert route[10, SIZE_PX // 2] == 255
     assert not picture[..., CHANNELS.index("actors")].any()
+
+
+def test_what_lies_off_the_picture_from_above_is_not_drawn(
+    env: CarlaLocEnv, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pieces of lanes and road users beyond its edges are left out, and every byte stays."""
+    view, asked = BirdsEyeView(env.world.town.network), [0, 0]
+
+    def counting(polygons: np.ndarray) -> np.ndarray:
+        found = touching(polygons)
+        asked[0], asked[1] = asked[0] + len(polygons), asked[1] + len(found)
+        return found
+
+    touching = agent_views._touching
+    for seed in range(6):
+        env.reset(seed=seed, options={"start": "anywhere"})
+        monkeypatch.setattr(agent_views, "_touching", counting)
+        few = view.draw(env.world)
+        monkeypatch.setattr(agent_views, "_touching", lambda polygons: polygons)
+        np.testing.assert_array_equal(few, view.draw(env.world))
+    assert asked[1] < 0.5 * asked[0]
 
 
 def test_road_users_from_above_stand_where_the_vector_says(env: CarlaLocEnv) -> None:

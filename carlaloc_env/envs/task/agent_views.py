@@ -69,7 +69,7 @@ class BirdsEyeView:
         place = _Place(state.position_m, state.heading_rad)
         out = np.zeros((len(CHANNELS), SIZE_PX, SIZE_PX), np.uint8)
         near = place.near(self._middle_m)
-        corners = place.pixels(self._corners_m[near])
+        corners = _touching(place.pixels(self._corners_m[near]))
         _fill(out[0], corners, 255)
         for side in (corners[:, :2], corners[:, 2:]):
             _line(out[1], side, 1)
@@ -98,7 +98,7 @@ class BirdsEyeView:
         boxes = np.stack([centre + a * along + b * across for a, b in _BOX], axis=1)
         on_foot = catalog.tag[near] == Tag.PEDESTRIAN
         for which, value in ((on_foot, WALKER), (~on_foot, VEHICLE)):
-            _fill(out, place.pixels(boxes[which]), value)
+            _fill(out, _touching(place.pixels(boxes[which])), value)
 
     def _lights(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
         lines, route = world.stop_lines, world.route
@@ -139,6 +139,13 @@ class _Place:
         # Pixel (0, 0) covers 0…1: its centre, which OpenCV counts from, lies at a half.
         scaled = (np.stack([column, row], axis=-1) - 0.5) * (1 << _SUBPIXEL_BITS)
         return np.rint(scaled).astype(np.int32)
+
+
+def _touching(polygons: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Those polygons (N, corners, 2) that lie in the picture, or within two pixels of it."""
+    margin, size = 2 << _SUBPIXEL_BITS, SIZE_PX << _SUBPIXEL_BITS
+    touches = (polygons.max(axis=1) > -margin) & (polygons.min(axis=1) < size + margin)
+    return polygons[touches.all(axis=1)]
 
 
 def _fill(out: NDArray[np.uint8], polygons: NDArray[np.int32], value: int) -> None:

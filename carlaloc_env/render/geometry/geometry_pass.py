@@ -12,11 +12,12 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.files.array_cache import give_back_mapped_pages
 from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
 from carlaloc_env.render.geometry.level_of_detail import (
+    CELL_M,
     FAR,
     FAR_LOW,
     FAR_LOW_FOCAL_PX,
-    SIMPLE_FROM_M,
     Distant,
+    levels,
 )
 from carlaloc_env.render.geometry.mesh_buffers import InstanceBuffer, MeshBuffers
 from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
@@ -39,8 +40,8 @@ MIDDLE_ROUND_M = 60.0
 """Bound between the two last rounds, in which only what is not hidden by then is drawn [m]."""
 LEAST_PX = 3.0
 """Clusters that look smaller are left out of live pictures [px]."""
-LOOKS_FROM_PX = 20_000
-"""In live pictures of fewer pixels what hides is not looked for: that takes longer than drawing it [px]."""
+SMALL_PICTURE_PX = 20_000
+"""In live pictures of fewer pixels what hides is not looked for, which takes longer than drawing it [px]."""
 SHADOW_LEAST_PX = 6.0
 """In live pictures models that look smaller throw none [px]."""
 LARGE_M = 120.0
@@ -107,15 +108,18 @@ class GeometryPass:
         unit_m: float = 1.0,
     ) -> None:
         self._context, self._programs = context, programs
-        self.scenery = StaticScene(context, chunks, FAR_LOW if live else FAR)
-        self._library = MeshBuffers(context, packed_models(library.meshes))
+        self.scenery = StaticScene(context, chunks, *((FAR_LOW, CELL_M) if live else (FAR,)))
         self._live = live
         self._unit_m = unit_m
         self._distant = Distant(library) if live else None
+        simpler = [] if self._distant is None else self._distant.simplified
+        meshes = [*library.meshes, *(library.meshes[k] for k, _ in simpler)]
+        self._library = MeshBuffers(context, packed_models(library.meshes, simpler))
         self._least_px = LEAST_PX if live else 0.0
-        self._poses = InstanceBuffer(context, len(library))
-        self._radius_m = np.array([_reach_m(mesh) for mesh in library.meshes], dtype=np.float64)
-        self._low_m, self._high_m = mesh_boxes(library.meshes)
+        self._poses = InstanceBuffer(context, len(meshes))
+        self._radius_m = np.array([_reach_m(mesh) for mesh in meshes], dtype=np.float64)
+        self._size_m = 2.0 * self._radius_m[[] if self._distant is None else self._distant.measured]
+        self._low_m, self._high_m = mesh_boxes(meshes)
         self._textures = upload_textures(programs, albedo, trilinear=not is_software(context))
         give_back_mapped_pages(albedo)
         self._surface = surface_table()
@@ -124,14 +128,15 @@ class GeometryPass:
         self._flush_target = context.simple_framebuffer((1, 1))
 
     def simplified(self, instances: Instances, view: CameraView) -> Instances:
-        """The instances as they are drawn from here: in live pictures simple ones where they are far."""
+        """The instances as they are drawn from here: in live pictures simple ones where they look small."""
         if self._distant is None:
             return instances
-        return self._distant.of(instances, self._farther(view) * distance_m(instances, view) > SIMPLE_FROM_M)
+        level = np.maximum(levels(self._size_px(instances, view)), _is_small(view))
+        return self._distant.of(instances, level)
 
-    def casting(self, instances: Instances) -> Instances:
-        """The instances as they throw shadows: in live pictures all of them simple."""
-        return instances if self._distant is None else self._distant.of(instances, True)
+    def _size_px(self, instances: Instances, view: CameraView) -> Array:
+        """How large spheres round instances, or round their cars, look [px], shape (N,)."""
+        return np.asarray(self._size_m[instances.model] * view.camera.fx_px / distance_m(instances, view))
 
     def plan(self, view: CameraView, instances: Instances, known: Depths | None = None) -> Plan:
         """Choose and order the parts to draw; nothing is drawn yet.
@@ -158,7 +163,7 @@ class GeometryPass:
                 Round(clusters=found[first], instances=none, looks=False),
                 Round(clusters=found[~first], instances=seen, looks=False),
             ]
-        elif self._live and np.prod(view.size_px) < LOOKS_FROM_PX:
+        elif self._live and _is_small(view):
             rounds = [Round(clusters=found, instances=seen, looks=False)]
         else:
             turn = np.where(large & (away < LARGE_M), 1, _turn(away))
@@ -214,10 +219,9 @@ class GeometryPass:
 
     def casters(self, instances: Instances, view: CameraView) -> Casters:
         """Instances as what throws shadows; in live pictures without those that look small."""
-        if self._live:
-            size_px = 2.0 * self._radius_m[instances.model] * view.camera.fx_px
-            large = size_px >= SHADOW_LEAST_PX * distance_m(instances, view)
-            instances = instances.take(np.flatnonzero(large))
+        if self._distant is not None:
+            large = np.flatnonzero(self._size_px(instances, view) >= SHADOW_LEAST_PX)
+            instances = self._distant.of(instances.take(large), 1 + _is_small(view))
         return Casters(library=self._library, poses=self._poses, instances=instances, radius_m=self._radius_m)
 
     def wake(self) -> None:
@@ -319,6 +323,10 @@ class GeometryPass:
         target = self._flush_target
         for part in (target, *target.color_attachments, target.depth_attachment):
             part.release()
+
+
+def _is_small(view: CameraView) -> bool:
+    return bool(np.prod(view.size_px) < SMALL_PICTURE_PX)
 
 
 def _reach_m(mesh: Mesh) -> float:

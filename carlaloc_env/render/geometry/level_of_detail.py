@@ -10,6 +10,7 @@ In a street most triangles of a chunk lie outside the picture or behind a house;
 costs as much as one that is seen.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,17 +43,21 @@ FAR = (Coarseness(from_m=150.0, crumb_m2=0.012, leaf_stride=4),)
 """Crumbs of a quarter of a pixel; LiDARs reach less far."""
 FAR_LOW = (
     Coarseness(from_m=10.0, crumb_m2=0.025, leaf_stride=8),
-    Coarseness(from_m=45.0, crumb_m2=0.12, any_m2=0.03, leaf_stride=24, edge_m=0.15, ground_m=1.0),
-    Coarseness(from_m=80.0, crumb_m2=0.4, any_m2=0.1, leaf_stride=40, edge_m=0.3, ground_m=2.0),
-    Coarseness(from_m=130.0, crumb_m2=1.2, any_m2=0.4, leaf_stride=100, edge_m=0.5, ground_m=4.0),
-    Coarseness(from_m=200.0, crumb_m2=3.0, any_m2=1.0, leaf_stride=250, edge_m=0.8, ground_m=7.0),
-    Coarseness(from_m=300.0, crumb_m2=8.0, any_m2=2.5, leaf_stride=600, edge_m=1.2, ground_m=12.0),
-    Coarseness(from_m=1600.0, crumb_m2=80.0, any_m2=25.0, leaf_stride=1500, edge_m=4.0, ground_m=40.0),
+    Coarseness(from_m=45.0, crumb_m2=0.12, any_m2=0.03, leaf_stride=12, edge_m=0.15, ground_m=1.0),
+    Coarseness(from_m=80.0, crumb_m2=0.3, any_m2=0.06, leaf_stride=20, edge_m=0.2, ground_m=1.5),
+    Coarseness(from_m=130.0, crumb_m2=0.8, any_m2=0.15, leaf_stride=36, edge_m=0.3, ground_m=3.0),
+    Coarseness(from_m=200.0, crumb_m2=2.0, any_m2=0.4, leaf_stride=100, edge_m=0.5, ground_m=5.0),
+    Coarseness(from_m=300.0, crumb_m2=5.0, any_m2=0.9, leaf_stride=220, edge_m=0.8, ground_m=9.0),
+    Coarseness(from_m=650.0, crumb_m2=25.0, any_m2=6.0, leaf_stride=600, edge_m=1.6, ground_m=16.0),
+    Coarseness(from_m=1400.0, crumb_m2=80.0, any_m2=20.0, leaf_stride=1500, edge_m=3.5, ground_m=35.0),
+    Coarseness(from_m=2500.0, crumb_m2=200.0, any_m2=70.0, leaf_stride=3000, edge_m=8.0, ground_m=80.0),
 )
 """For small live pictures, in which vertices cost the most; a pixel covers about one `edge_m`.
 
-The last one is for pictures of about 100 px, in which it begins at 160 m.
+The last ones are for pictures of about 100 px, in which they begin at 60 and 160 m.
 """
+CELL_M = 20.0
+"""Edge of the cells that have levels of their own in live pictures [m]."""
 FAR_LOW_FOCAL_PX = 450.0
 """Focal length for which these are meant; larger ones take them farther away [px]."""
 _GROUND = (Tag.ROAD, Tag.SIDEWALK, Tag.GROUND, Tag.TERRAIN)
@@ -65,35 +70,41 @@ _LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Mate
 """Materials of railings, furniture and twigs, which leave no hole in a wall."""
 
 
-def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
-    """The same from afar: fewer and larger leaves, and no crumbs."""
+def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> tuple[Mesh, Index]:
+    """The same from afar: fewer and larger leaves, no crumbs; and which triangles it was made of."""
     area_m2 = 0.5 * np.sqrt(np.sum(face_vectors(mesh.vertices_m, mesh.triangles) ** 2, axis=1))
     material = mesh.material[mesh.triangles[:, 2]]
     leaf = material == Material.LEAF
     crumb = area_m2 < np.where(np.isin(material, _LOOSE), how.crumb_m2, how.any_m2)
-    chosen = np.cumsum(leaf) % how.leaf_stride == 0
-    leaves = part(mesh, leaf & chosen)
+    chosen = leaf & (np.cumsum(leaf) % how.leaf_stride == 0)
+    leaves = part(mesh, chosen)
     corners = leaves.vertices_m[leaves.triangles]
     centre = corners.mean(axis=1, keepdims=True)
     flat = leaves.triangles.reshape(-1)
     apart = leaves.taking(flat, np.arange(len(flat), dtype=np.uint32).reshape(-1, 3))
     larger = centre + np.sqrt(how.leaf_stride) * (corners - centre)
     grown = replace(apart, vertices_m=larger.reshape(-1, 3).astype(np.float32))
-    rest = part(mesh, ~leaf & ~crumb)
-    return merge([rest if how.edge_m == 0.0 else gathered(rest, how), grown])
+    rest, of = part(mesh, ~leaf & ~crumb), np.flatnonzero(~leaf & ~crumb)
+    if how.edge_m > 0.0:
+        rest, kept = gathered(rest, how)
+        of = of[kept]
+    return merge([rest, grown]), np.concatenate([of, np.flatnonzero(chosen)])
 
 
-def gathered(mesh: Mesh, how: Coarseness) -> Mesh:
+def gathered(mesh: Mesh, how: Coarseness, loose: Sequence[Material] = _LOOSE) -> tuple[Mesh, Index]:
     """The same with all corners in one cell of a grid moved to one of them (Rossignac and Borrel 1993).
 
     What is thinner than a cell vanishes. Corners where materials meet are moved to before others, so
     that borders stay where they are. Loose parts and paint, which would vanish entirely, stay as they are.
+
+    Returns:
+        The mesh, and which triangles it was made of.
     """
     corner = mesh.triangles[:, 2]
-    still = np.isin(mesh.material[corner], _LOOSE) | (mesh.tag[corner] == Tag.ROAD_LINE)
+    still = np.isin(mesh.material[corner], loose) | (mesh.tag[corner] == Tag.ROAD_LINE)
     moving = part(mesh, ~still)
     if not len(moving.triangles):
-        return mesh
+        return mesh, np.arange(len(mesh.triangles))
     place = moving.vertices_m.astype(np.float64)
     ground = np.isin(moving.tag, _GROUND)
     size = np.where(ground, how.ground_m, how.edge_m)[:, None] * np.ones(3)
@@ -114,7 +125,9 @@ def gathered(mesh: Mesh, how: Coarseness) -> Mesh:
     left &= (
         np.sum(face_vectors(place, moving.triangles) * face_vectors(moved, moving.triangles), axis=1) > 0.0
     )
-    return merge([part(replace(moving, vertices_m=moved.astype(np.float32)), left), part(mesh, still)])
+    gathered_m = replace(moving, vertices_m=moved.astype(np.float32))
+    of = np.concatenate([np.flatnonzero(~still)[left], np.flatnonzero(still)])
+    return merge([part(gathered_m, left), part(mesh, still)]), of
 
 
 def _packed(cell: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -144,34 +157,60 @@ def part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
     return mesh.taking(rows, np.take(renumber, triangles))
 
 
-SIMPLE_FROM_M = 18.0
-"""Distance from which cars are simpler in pictures of `detail.FAR_LOW_FOCAL_PX` [m]."""
+_FROM_PX = (1.0, 8.0, 120.0)
+"""Sizes in the picture from which cars and walkers are drawn in the fewest triangles, in few, in all [px]."""
+_SIMPLE_TRIANGLES = 200
+"""Models of so few triangles have no simplest one."""
+_CELLS = 12
+"""Cells along the longest edge of the simplest models."""
+_EGO_CELLS = 48
+"""The same of the ego in small pictures, whose bonnet is near."""
+
+
+def simplified(mesh: Mesh, cells: int) -> Mesh:
+    """A model with its corners gathered in a number of cells along its longest edge."""
+    edge_m = float(np.max(mesh.bounds_m[1] - mesh.bounds_m[0])) / cells
+    how = Coarseness(from_m=0.0, crumb_m2=0.0, leaf_stride=1, edge_m=edge_m, ground_m=edge_m)
+    return gathered(mesh, how, ())[0]
 
 
 class Distant:
-    """Which simple model stands for which whole one."""
+    """Which simpler model stands for which, by how large it looks."""
 
     def __init__(self, library: ModelLibrary) -> None:
-        """Pair the models ``name/body`` and ``name/low``, their lamps, and leave single wheels out."""
+        """Pair ``name/body`` and its lamps with ``name/low``, and these with the simplest."""
         index = {name: k for k, name in enumerate(library.names)}
-        self._simple = np.arange(len(library))
-        self._left_out = np.zeros(len(library), dtype=bool)
+        lowered = {name.partition("/")[0] for name in index if "/low" in name}
+        self.measured = [index.get(f"{name.partition('/')[0]}/body", k) for name, k in index.items()]
+        """Model by which the size of each is judged: of a car's parts its body."""
+        self._stand_in = np.tile(np.arange(len(library)), (4, 1))
         for name, k in index.items():
             family, _, part = name.partition("/")
-            if f"{family}/body" not in index or f"{family}/low" not in index:
-                continue
-            if part == "body":
-                self._simple[k] = index[f"{family}/low"]
-            elif part.startswith("wheel"):
-                self._left_out[k] = True
-            else:
-                self._simple[k] = index.get(f"{family}/low/{part}", k)
+            if f"{family}/body" in index and part.startswith("wheel"):
+                self._stand_in[1:, k] = -1
+            elif f"{family}/body" in index:
+                low = f"{family}/low" if part == "body" else f"{family}/low/{part}"
+                self._stand_in[1:, k] = index.get(low, k)
+            self._stand_in[3, k] = -1 if family in lowered else k
+        self.simplified: list[tuple[int, int]] = []
+        """Models of which there are simpler ones, and their cells; these are numbered after the library's."""
+        for k, (name, mesh) in enumerate(zip(library.names, library.meshes, strict=True)):
+            if "/low" in name and len(mesh.triangles) > _SIMPLE_TRIANGLES:
+                self._stand_in[2, self._stand_in[2] == k] = len(library) + len(self.simplified)
+                self.simplified.append((k, _CELLS))
+            elif name == "ego":
+                self._stand_in[1:3, k] = len(library) + len(self.simplified) + np.arange(2)
+                self.simplified += [(k, _EGO_CELLS), (k, _CELLS)]
 
-    def of(self, instances: Instances, far: NDArray[np.bool_] | bool) -> Instances:
-        """The instances with simple models for those that are far from the eye, shape (N,), or for all."""
-        keep = np.flatnonzero(~(far & self._left_out[instances.model]))
-        model = np.where(far, self._simple[instances.model], instances.model).astype(np.int32)
-        return replace(instances, model=model).take(keep)
+    def of(self, instances: Instances, level: Index | int) -> Instances:
+        """The instances with the models that stand for them at their levels (N,), or at one; see `levels`."""
+        model = self._stand_in[level, instances.model].astype(np.int32)
+        return replace(instances, model=model).take(np.flatnonzero(model >= 0))
+
+
+def levels(size_px: Array) -> Index:
+    """Levels of models by their size in the picture (N,) [px]: 0 whole, 1 few triangles, 2 fewest, 3 none."""
+    return np.asarray(len(_FROM_PX) - np.searchsorted(_FROM_PX, size_px, side="right"))
 
 
 CLUSTER_TRIANGLES = 160

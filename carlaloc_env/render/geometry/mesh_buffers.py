@@ -128,7 +128,9 @@ class MeshBuffers:
             return
         # On a CPU the body's file, which processes share, is all that holds the triangles.
         commands[:, 2] = np.cumsum(self.count[which]) - self.count[which]
-        corners = _ranges(self._body.triangles, self.first[which], self.count[which])
+        first = self.first[which] // 3
+        rows = ranges(first, first + self.count[which] // 3)
+        corners = np.take(self._body.triangles, rows, axis=0)
         if bare and instances is None:
             self._draw_once(program, corners, commands)
             return
@@ -201,9 +203,8 @@ class MeshBuffers:
             self._picked.release()
 
 
-def _ranges(triangles: U32, first: U32, count: U32) -> U32:
-    """Triangles (T, 3) of ranges of indices (N,), one range after the other, shape (M, 3)."""
-    number = count.astype(np.int64) // 3
+def ranges(begin: NDArray[np.integer], end: NDArray[np.integer]) -> NDArray[np.int64]:
+    """The numbers of some ranges (N,), one range after the other, shape (M,)."""
+    number = end.astype(np.int64) - begin
     before = np.cumsum(number) - number
-    rows = np.repeat(first.astype(np.int64) // 3 - before, number) + np.arange(number.sum())
-    return np.take(triangles, rows, axis=0)
+    return np.repeat(begin - before, number) + np.arange(number.sum())

@@ -21,6 +21,7 @@ from carlaloc_env.core.files.array_cache import (
     read_only,
 )
 from carlaloc_env.core.jit import compiled
+from carlaloc_env.render.geometry.level_of_detail import simplified
 from carlaloc_env.render.gl_context import Programs
 from carlaloc_env.render.textures.ground import BLOCK_PATTERNS
 from carlaloc_env.scene.materials import Material, material_values
@@ -278,10 +279,15 @@ def kept(
     return read_only(found)
 
 
-def packed_models(meshes: Sequence[Mesh]) -> Arrays:
-    """The same of movable models, from the cache: every renderer begins with the same ones."""
+def packed_models(meshes: Sequence[Mesh], simpler: Sequence[tuple[int, int]] = ()) -> Arrays:
+    """The same of movable models, and simpler ones of some of them (`Distant.simplified`), from the cache."""
     return kept(
-        "models", meshes, lambda: packed(meshes, models=True), module=__name__, content="", kept_files=3
+        "models",
+        meshes,
+        lambda: packed([*meshes, *(simplified(meshes[k], cells) for k, cells in simpler)], models=True),
+        module=__name__,
+        content=repr(simpler),
+        kept_files=6,
     )
 
 

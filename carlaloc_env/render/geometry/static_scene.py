@@ -1,5 +1,6 @@
 """The static scene on the graphics side: clusters of triangles by material and by level of detail."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.files.array_cache import Arrays, give_back_freed_memory, give_back_mapped_pages
 from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse, cut, in_order
-from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
+from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers, ranges
 from carlaloc_env.render.geometry.packed_meshes import PACKED, kept, packed, seen_from_front
 from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import material_values
@@ -51,8 +52,8 @@ class _Table:
     """Highest corners [m], shape (N, 3)."""
     large: NDArray[np.bool_]
     """Whether a cluster has large triangles, shape (N,)."""
-    chunk: Index
-    """Which chunk a cluster belongs to, shape (N,)."""
+    cell: Index
+    """Which cell a cluster belongs to, shape (N,)."""
     level: Index
     """Its level of detail, 0 = all, shape (N,)."""
     culled: NDArray[np.bool_]
@@ -62,27 +63,38 @@ class _Table:
 class StaticScene:
     """Layers of one scene; their clusters are numbered through, layer by layer."""
 
-    def __init__(self, context: moderngl.Context, chunks: Sequence[Mesh], far: Sequence[Coarseness]) -> None:
+    def __init__(
+        self,
+        context: moderngl.Context,
+        chunks: Sequence[Mesh],
+        far: Sequence[Coarseness],
+        cell_m: float = math.inf,
+    ) -> None:
         """Cut and upload.
 
         Args:
             context: Where it is drawn.
             chunks: Static scenery in squares of some tens of metres.
             far: Coarser levels, the nearest first.
+            cell_m: Edge of the cells of a chunk that have a level of detail of their own [m].
         """
         chunks = [chunk for chunk in chunks if len(chunk.triangles)]
-        self._low_m, self._high_m = mesh_boxes(chunks)
         self._from_m = [how.from_m for how in far]
         made = kept(
             "scene",
             chunks,
-            lambda: _packed_layers(chunks, far),
+            lambda: _packed_layers(chunks, far, cell_m),
             module=__name__,
-            content=repr(far),
+            content=repr((far, cell_m)),
             kept_files=KEPT_FILES,
         )
         self._end = made["end"]
+        self._boxes_m, self._near_m = made["boxes_m"], made["near_m"]
         self.clusters = _Table(**{name: made[name] for name in _Table.__slots__})
+        self._levels = 1 + len(far)
+        key = self.clusters.cell * self._levels + self.clusters.level
+        self._order = np.argsort(key, kind="stable")
+        self._begin = np.searchsorted(key[self._order], np.arange(len(self) * self._levels + 1))
         self.layers = [
             Layer(
                 geometry=MeshBuffers(context, {name: made[f"{k} {name}"] for name in PACKED}),
@@ -96,31 +108,33 @@ class StaticScene:
     @property
     def low_m(self) -> Array:
         """Lowest corner of everything [m], shape (3,); zero in an empty scene."""
-        return self._low_m.min(axis=0) if len(self._low_m) else np.zeros(3)
+        return self._boxes_m[:, 0].min(axis=0) if len(self) else np.zeros(3)
 
     @property
     def high_m(self) -> Array:
         """Highest corner of everything [m], shape (3,)."""
-        return self._high_m.max(axis=0) if len(self._high_m) else np.zeros(3)
+        return self._boxes_m[:, 1].max(axis=0) if len(self) else np.zeros(3)
 
     def __len__(self) -> int:
-        return len(self._low_m)
+        return len(self._boxes_m)
 
     def in_view(self, view: CameraView, *, farther: float = 1.0) -> tuple[Index, Array]:
         """Clusters that may be seen, nearest first, and their distances [m].
 
-        The distance of the chunk decides its level of detail, so that it has no seams inside.
+        The distance of a cell decides its level of detail, so that it has no seams inside.
 
         Args:
             view: Camera.
             farther: Factor on the distance by which levels are chosen; above 1 where pixels are large.
         """
         table = self.clusters
-        seen, distance = view.visible(self._low_m, self._high_m)
-        wanted = np.full(len(self._low_m), -1)
-        level_m = farther * np.maximum(distance, NEAREST_M)
-        wanted[seen] = np.searchsorted(self._from_m, level_m, side="right")
-        candidates = np.flatnonzero(wanted[table.chunk] == table.level)
+        seen, _ = view.visible(self._boxes_m[:, 0], self._boxes_m[:, 1])
+        low_m, high_m = np.moveaxis(self._near_m[seen], 1, 0)
+        gap_m = np.maximum(np.maximum(low_m - view.position_m, view.position_m - high_m), 0.0)
+        distance = np.sqrt(np.sum(gap_m**2, axis=1))
+        level = np.searchsorted(self._from_m, farther * np.maximum(distance, NEAREST_M), side="right")
+        key = seen * self._levels + level
+        candidates = np.sort(self._order[ranges(self._begin[key], self._begin[key + 1])])
         inside, away = view.visible(table.low_m[candidates], table.high_m[candidates])
         return candidates[inside], away
 
@@ -178,17 +192,21 @@ class _Part:
     """The clusters."""
 
 
-def _cut_level(chunks: Sequence[Mesh], level: int) -> list[_Part]:
-    """Clusters of all chunks in one level of detail, a part for every layer."""
-    whole = merge(chunks)
+def _cut_level(chunks: Sequence[Mesh], cells: Sequence[Index], level: int) -> list[_Part]:
+    """Clusters of all chunks in one level of detail, a part for every layer.
+
+    Args:
+        chunks: The chunks in that level.
+        cells: Cell of each triangle of each chunk.
+        level: The level.
+    """
+    whole, of = merge(chunks), np.concatenate([np.zeros(0, np.intp), *cells])
     for chunk in chunks:
         give_back_mapped_pages(chunk.vertices_m)
-    triangles = np.array([len(chunk.triangles) for chunk in chunks], dtype=np.intp)
-    of = np.repeat(np.arange(len(chunks)), triangles)
     front, sort = _sorts(whole)
-    layer = np.where(front, len(_SORTS), 0) + sort
-    found = cut(whole, layer * len(chunks) + of)
-    owner = found.group // max(len(chunks), 1)
+    layer, number = np.where(front, len(_SORTS), 0) + sort, int(of.max(initial=0)) + 1
+    found = cut(whole, layer * number + of)
+    owner = found.group // number
     end = np.cumsum(found.count)
     parts = []
     for k, (culled, _) in enumerate(_LAYERS):
@@ -199,7 +217,7 @@ def _cut_level(chunks: Sequence[Mesh], level: int) -> list[_Part]:
             low_m=found.low_m[part],
             high_m=found.high_m[part],
             large=found.large[part],
-            chunk=found.group[part] % max(len(chunks), 1),
+            cell=found.group[part] % number,
             level=np.full(len(count), level),
             culled=np.full(len(count), culled),
         )
@@ -207,11 +225,22 @@ def _cut_level(chunks: Sequence[Mesh], level: int) -> list[_Part]:
     return parts
 
 
-def _coarse(chunk: Mesh, how: Coarseness) -> Mesh:
+def _coarse(chunk: Mesh, how: Coarseness) -> tuple[Mesh, Index]:
     """A coarser level of a chunk; of a town's file no more is in memory meanwhile than of one chunk."""
     found = coarse(chunk, how)
     give_back_mapped_pages(chunk.vertices_m)
     return found
+
+
+def _cells(chunks: Sequence[Mesh], edge_m: float) -> tuple[list[Index], NDArray[np.int64]]:
+    """Cells of the triangles of chunks, numbered through, shape (T,) each, and their squares, (N, 2)."""
+    cells, squares = [], [np.zeros((0, 2), np.int64)]
+    for chunk in chunks:
+        middle_m = sum(chunk.vertices_m[chunk.triangles[:, k], :2] for k in range(3)) / 3.0
+        square, cell = np.unique(np.floor(middle_m / edge_m).astype(np.int64), axis=0, return_inverse=True)
+        cells.append(sum(map(len, squares)) + cell.reshape(-1))
+        squares.append(square)
+    return cells, np.concatenate(squares)
 
 
 def mesh_boxes(chunks: Sequence[Mesh]) -> tuple[Array, Array]:
@@ -221,21 +250,37 @@ def mesh_boxes(chunks: Sequence[Mesh]) -> tuple[Array, Array]:
     return low_m, high_m
 
 
-def _packed_layers(chunks: Sequence[Mesh], far: Sequence[Coarseness]) -> Arrays:
+def _packed_layers(chunks: Sequence[Mesh], far: Sequence[Coarseness], cell_m: float) -> Arrays:
     """The clusters of all layers, columns of `_Table`; where each layer's end; each layer as it is uploaded.
 
     Parts are let go as soon as they are packed: together they are larger than the buffers.
     """
-    parts = [
-        _cut_level([chunk if how is None else _coarse(chunk, how) for chunk in chunks], level)
-        for level, how in enumerate((None, *far))
-    ]
+    cells, squares = _cells(chunks, cell_m)
+    parts = [_cut_level(chunks, cells, 0)]
+    for level, how in enumerate(far, start=1):
+        made_of = [_coarse(chunk, how) for chunk in chunks]
+        of = [cell[made] for cell, (_, made) in zip(cells, made_of, strict=True)]
+        parts.append(_cut_level([mesh for mesh, _ in made_of], of, level))
     layers = range(len(_LAYERS))
     tables = [part[k].table for k in layers for part in parts]
     made = {name: np.concatenate([getattr(table, name) for table in tables]) for name in _Table.__slots__}
     made["end"] = np.cumsum([sum(len(part[k].count) for part in parts) for k in layers])
+    made |= _boxes(made, squares, cell_m)
     for k in layers:
         count = np.concatenate([level[0].count for level in parts])
         layer = packed((level.pop(0).mesh for level in parts), count)
         made |= {f"{k} {name}": value for name, value in layer.items()}
     return made
+
+
+def _boxes(table: Arrays, squares: NDArray[np.int64], edge_m: float) -> Arrays:
+    """Boxes round cells in full detail, and the parts of them in their squares, (N, 2, 3) each [m]."""
+    whole = table["level"] == 0
+    boxes_m = np.stack([np.full((len(squares), 3), bound) for bound in (np.inf, -np.inf)], axis=1)
+    np.minimum.at(boxes_m[:, 0], table["cell"][whole], table["low_m"][whole])
+    np.maximum.at(boxes_m[:, 1], table["cell"][whole], table["high_m"][whole])
+    near_m = boxes_m.copy()
+    if edge_m < math.inf:
+        low_m = edge_m * squares[:, None]
+        near_m[..., :2] = np.clip(near_m[..., :2], low_m, low_m + edge_m)
+    return {"boxes_m": boxes_m, "near_m": near_m}

@@ -7,6 +7,7 @@ from typing import Any
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
@@ -64,6 +65,14 @@ def light_axes(sun_direction: Array) -> Array:
     return np.stack([right, cross(right, away), away])
 
 
+def _may_shade(view: CameraView, sun_direction: Array, centre_m: Array, reach_m: Array) -> NDArray[np.bool_]:
+    """Whether shadows of spheres (N, 3), (N, 1) that fall as far as these are wide may be in view, (N,)."""
+    planes = view.planes()
+    gap = np.sum(centre_m[:, None] * planes[:, :3], axis=2) + planes[:, 3]
+    thrown = -np.sum(sun_direction * planes[:, :3], axis=1) * (2.0 * reach_m / max(sun_direction[2], 0.05))
+    return np.asarray((gap + np.maximum(thrown, 0.0) > -reach_m).all(axis=1))
+
+
 _Maps = OrderedDict[tuple[Any, ...], ShadowMap]
 """Maps that are kept, by what they show, the one used last at the end."""
 
@@ -79,11 +88,13 @@ class Shadows:
         *,
         static_size_px: int = STATIC_SIZE_PX,
         actor_size_px: int = 1024,
+        in_view: bool = False,
     ) -> None:
+        """Make ready; with `in_view` actors count whose shadows may be seen: pictures then share no map."""
         self._context = context
         self._programs = programs
         self._scenery = scenery
-        self._static_size_px, self._actor_size_px = static_size_px, actor_size_px
+        self._static_size_px, self._actor_size_px, self._in_view = static_size_px, actor_size_px, in_view
         self._maps: _Maps = OrderedDict()
         self._actor_maps: _Maps = OrderedDict()
 
@@ -126,7 +137,10 @@ class Shadows:
         instances = casters.instances
         away = np.sum(axes * instances.T_world_model[:, None, :3, 3], axis=2) - across
         reach = casters.radius_m[instances.model][:, None]
-        which = np.flatnonzero((np.abs(away) < half_extent_m + reach).all(axis=1))
+        reaches = (np.abs(away) < half_extent_m + reach).all(axis=1)
+        if self._in_view:
+            reaches &= _may_shade(view, sun_direction, instances.T_world_model[:, :3, 3], reach)
+        which = np.flatnonzero(reaches)
         drawn = (axes, across, instances.model[which], instances.T_world_model[which])
         key = tuple(part.tobytes() for part in drawn)
         if key in self._actor_maps:

@@ -155,7 +155,7 @@ def test_gathered_corners_keep_the_ground_whole() -> None:
     beside[np.isclose(vertices[:, 1], -4.0), 1] = 4.0
     walk = make_mesh(beside, triangles, material=Material.PAVEMENT, tag=Tag.SIDEWALK)
     whole = merge([street, walk])
-    far = gathered(whole, FAR_LOW[2])
+    far, _ = gathered(whole, FAR_LOW[3])
     assert len(far.triangles) < 0.5 * len(whole.triangles)
     of_street = far.material[far.triangles[:, 2]] == Material.ASPHALT
     corners = far.vertices_m[far.triangles[of_street]]

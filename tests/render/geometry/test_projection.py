@@ -116,7 +116,7 @@ def test_depth_agrees_with_embree() -> None:
     corners = (centres[:, None] + offsets).reshape(-1, 3)
     shards = make_mesh(corners, np.arange(600).reshape(-1, 3), material=Material.LEAF, tag=Tag.STATIC)
     whole = merge([ground(), shards])
-    with scene(ground(), shards) as renderer:
+    with scene(ground(), shards, quality="medium") as renderer:
         depth = renderer.draw(CAMERA, FORWARD, Instances()).depth_m()
     embree = o3d.t.geometry.RaycastingScene()
     embree.add_triangles(o3d.core.Tensor(whole.vertices_m), o3d.core.Tensor(whole.triangles))
