@@ -42,11 +42,11 @@ def draw_ratios(runs: pd.DataFrame, out: Path) -> None:
                 weather = f", {finding.what.split()[0]}" if len(compared) > 1 else ""
                 axes.annotate(
                     f"paper ×{finding.median:g}{weather}",
-                    (1.0, finding.median),
-                    (-4, 3),
+                    (0.5, finding.median),
+                    (0, 3),
                     xycoords=("axes fraction", "data"),
                     textcoords="offset points",
-                    ha="right",
+                    ha="center",
                     fontsize=8,
                     color="0.3",
                 )
