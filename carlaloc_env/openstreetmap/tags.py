@@ -16,7 +16,7 @@ CLASSES: dict[str, tuple[int, float]] = {
 }  # fmt: skip
 """Rank of every class of street that cars use, and width of its lanes where no tag says it [m]."""
 LANE_M = (2.6, 3.75)
-"""Narrowest and widest lane that is built [m]."""
+"""Narrowest and widest lane that is built [m]; at 2.3 m cars that meet graze each other."""
 MOST_LANES = 6
 """Most lanes of one direction."""
 _MPH, _KNOT = 1.609344, 1.852

@@ -62,7 +62,7 @@ def test_widths_are_shared_among_lanes_within_bounds() -> None:
     assert street(width="7").lane_m == 3.5
     assert street(width="24 ft").lane_m == pytest.approx(3.6576)
     assert street(width="narrow").lane_m == street().lane_m
-    assert street(width="3").lane_m == 2.3
+    assert street(width="3").lane_m == 2.6
 
 
 def test_sidewalks_by_tag_else_by_class() -> None:
