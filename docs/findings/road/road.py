@@ -152,7 +152,7 @@ def drift_table(published: pd.DataFrame, ours: pd.DataFrame) -> pd.DataFrame:
             if drifts.empty:
                 continue
             words = [f"{name} {_range(of)}" for name, of in drifts.groupby(level="dataset", sort=False)]
-            title = here["title"].iloc[0]
+            title = here["title"].iloc[0].removesuffix(", wave")
             rows.append({"system": title, "drift": DRIFTS[metric], "published": "; ".join(words)})
             for rig in ours["rig"].unique():
                 towns = here.loc[here["rig"] == rig, column].dropna()
