@@ -1,6 +1,7 @@
 # Each target does all set-up itself; a second run starts at once.
 BIN := .venv/bin
 READY := .venv/ready
+DEMO := .venv/demo
 # `make test-all COVERAGE=` counts no lines, and takes a quarter less of the processor in tests of plain Python.
 COVERAGE := --cov=carlaloc_env --cov=recorder --cov-report=
 
@@ -8,18 +9,22 @@ COVERAGE := --cov=carlaloc_env --cov=recorder --cov-report=
 
 setup: $(READY)
 
-$(READY): pyproject.toml .ci/system-libraries
+$(READY): EXTRAS := slam,evalio,report,parquet,compact,dev
+# As README installs; the tools of tests would take as long again.
+$(DEMO): EXTRAS := slam,report
+
+$(READY) $(DEMO): pyproject.toml .ci/system-libraries
 	@python=$$(PYTHON="$(PYTHON)" .ci/find-python) && PYTHON="$$python" .ci/system-libraries && \
 		if [ "$$python" != $(BIN)/python ]; then "$$python" -m venv --clear .venv; fi
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --no-compile --editable ".[slam,evalio,report,parquet,compact,dev]"
-	@touch $(READY)
+	$(BIN)/python -m pip install --quiet --no-compile --editable ".[$(EXTRAS)]"
+	@touch $@
 
 .venv/warm: $(READY)
 	$(BIN)/python tests/warm_up.py
 	@touch $@
 
-demo: $(READY)
+demo: $(or $(wildcard $(READY)),$(DEMO))
 	$(BIN)/carlaloc demo --out out/demo
 
 # Two seconds of the demo's drive under six conditions, for people to look at before they install anything.
