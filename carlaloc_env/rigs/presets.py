@@ -48,16 +48,17 @@ def temporal_dark_noise_e() -> float:
 
 def industrial_imager() -> ImagerConfig:
     """Its imager; unevenness of pixels, which the sheet leaves out, is that of its kind (1 e⁻, 0.5 %)."""
-    plain = ImagerConfig()
     return ImagerConfig(
         full_well_e=round(saturation_capacity_e()),
         read_noise_e=round(temporal_dark_noise_e(), 2),
         adc_bits=ADC_BITS,
         bayer=True,
+        # Of seven pictures of nuScenes and three of KITTI by day the mean is 0.18 to 0.23, tone curve undone.
+        target=0.20,
         # The pixel's area (√1/12), and a lens at half of its contrast at 0.5 cycles/px (0.37).
         lens_blur_px=0.47,
         # The same lens and quantum efficiency over larger pixels than the default's 3 µm.
-        electrons_per_cd_m2_s=round(plain.electrons_per_cd_m2_s * (PIXEL_UM / 3.0) ** 2),
+        electrons_per_cd_m2_s=round(ImagerConfig().electrons_per_cd_m2_s * (PIXEL_UM / 3.0) ** 2),
     )
 
 

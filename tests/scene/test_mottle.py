@@ -1,5 +1,7 @@
 """The pattern of reflectances: its deviation, its steadiness, and that shaders draw the same."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -80,18 +82,38 @@ def test_walls_have_the_pattern_along_them_and_up() -> None:
         assert tones_of(places_m, normal=normal) == pytest.approx(tones_of(level), abs=1e-6)
 
 
+def asphalt_seen(cameras: list[Pinhole], pose: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Light of level asphalt without texture under an even sky, of one pose and several cameras."""
+    need_opengl()
+    square = [[-60, -60, 0], [60, -60, 0], [60, 60, 0], [-60, 60, 0]]
+    mesh = make_mesh(square, [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD)
+    overcast = WeatherParameters(cloudiness=100.0, fog_density=0.0, mie_scattering_scale=0.0)
+    with scene(mesh, quality="medium", albedo=plain_albedo()) as renderer:
+        drawn = [renderer.draw(camera, pose, Instances()) for camera in cameras]
+        return [renderer.radiance_cd_m2(one, overcast)[..., 1].astype(np.float64) for one in drawn]
+
+
+def test_pixels_that_look_along_the_road_have_the_mean_of_what_they_cover() -> None:
+    """As a picture of 6 × 6 as many pixels, averaged: how much, and where, pixels of a row differ."""
+    ahead = transforms.from_rotation(transforms.R_FLU_OPTICAL, [0.0, 0.0, 1.6])
+    coarse = Pinhole(width_px=300, height_px=180, fx_px=640.0, fy_px=640.0, cx_px=150.0, cy_px=-20.0)
+    cameras = [Pinhole(**{key: n * value for key, value in asdict(coarse).items()}) for n in (1, 6)]
+    seen, finer = asphalt_seen(cameras, ahead)
+    mean = finer.reshape(180, 6, 300, 6).mean(axis=(1, 3))
+    # Rows 16, 10, 7 and 6 m away.
+    for row, least, alike in ((44, 0.5, 0.4), (80, 0.7, 0.5), (120, 0.8, 0.6), (160, 0.8, 0.7)):
+        found, true = (np.diff(np.log(light[row : row + 4]), axis=1).ravel() for light in (seen, mean))
+        assert least < found.std() / true.std() < 1.25
+        assert np.corrcoef(found, true)[0, 1] > alike
+
+
 def test_pictures_have_the_pattern_of_the_lidar() -> None:
     """Asphalt without texture from straight above, divided by the pattern: what is left hardly varies."""
-    need_opengl()
     size, eye_m, px_m = 400, 20.0, 0.01
-    square = [[-30, -30, 0], [30, -30, 0], [30, 30, 0], [-30, 30, 0]]
-    mesh = make_mesh(square, [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD)
     focal = eye_m / px_m
     camera = Pinhole(width_px=size, height_px=size, fx_px=focal, fy_px=focal, cx_px=size / 2, cy_px=size / 2)
     down = transforms.from_rotation(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, eye_m])
-    overcast = WeatherParameters(cloudiness=100.0, fog_density=0.0, mie_scattering_scale=0.0)
-    with scene(mesh, quality="medium", albedo=plain_albedo()) as renderer:
-        seen = renderer.radiance_cd_m2(renderer.draw(camera, down, Instances()), overcast)[..., 1]
+    (seen,) = asphalt_seen([camera], down)
     v, u = np.mgrid[:size, :size].astype(np.float64)
     x, y = (u - size / 2) * px_m, (size / 2 - v) * px_m
     at = np.stack([x.ravel(), y.ravel(), np.zeros(size * size)], axis=-1)

@@ -302,6 +302,7 @@ class GeometryPass:
             f"SKY_ID {SKY_ID}u",
             f"UNIT_M {float(self._unit_m)}",
             f"LEVEL_FROM {LEVEL_FROM}",
+            f"MOST_PLACES {1 if self._live else 16}",
         )
         program = self._programs.get("gbuffer.vert", "gbuffer.frag", *defines, *features)
         set_uniforms(

@@ -42,7 +42,10 @@ void main() {
     float patches = noise(p * MOTTLE_WEAR_PER_M + MOTTLE_WEAR_SHIFT) - 0.5;
     vec2 on_wall = vec2(v_normal.x * v_world.y - v_normal.y * v_world.x, v_world.z);
     vec2 q = abs(v_normal.z) < MOTTLE_STEEP ? on_wall : v_world.xy;
-    float mottle = 1.0 + v_variety.z * mottled(q, footprint);
+    vec2 right = dFdx(q), up = dFdy(q);
+    vec2 along = dot(right, right) > dot(up, up) ? right : up;
+    float across = abs(right.x * up.y - right.y * up.x) / max(length(along), 1e-6);
+    float mottle = 1.0 + v_variety.z * mottled(q, along, across);
     float slow = noise(p * 0.13) - 0.5;
     float wear = slow * band(footprint, 0.13) + 0.8 * patches * band(footprint, 0.71);
     // Each slab, brick, stone, panel and board has its tone, since textures alone repeat after a tile.

@@ -49,10 +49,34 @@ float band(float footprint, float frequency) {
     return clamp(1.6 - 2.0 * footprint * frequency, 0.0, 1.0);
 }
 
+#ifndef LEVEL
+#undef MOST_PLACES
+#define MOST_PLACES 1
+#endif
+
 // Variation of the reflectance within metres, as far as it is seen; `scene/mottle.py` has all of it for LiDARs.
-float mottled(vec2 p, float footprint) {
+// A pixel is a parallelogram, `along` its longer side and `across` the height over it [m].
+float mottled(vec2 p, vec2 along, float across) {
     const vec3 f = MOTTLE_CYCLES_PER_M;
-    vec3 seen = vec3(band(footprint, f.x), band(footprint, f.y), band(footprint, f.z));
-    vec3 layers = vec3(noise(p * f.x), noise(p * f.y), noise(p * f.z)) - 0.5;
-    return dot(MOTTLE_SEEN * MOTTLE_GAINS * seen, layers);
+    const vec3 gains = MOTTLE_SEEN * MOTTLE_GAINS;
+    float long_m = length(along);
+#if MOST_PLACES == 1
+    vec3 seen = vec3(band(long_m, f.x), band(long_m, f.y), band(long_m, f.z));
+    return dot(gains * seen, vec3(noise(p * f.x), noise(p * f.y), noise(p * f.z)) - 0.5);
+#else
+    // Pixels look along the ground. In all but live pictures each has the mean of as many places as the pattern needs.
+    float sum = 0.0;
+    for (int k = 0; k < 3; k++) {
+        float count = clamp(ceil(long_m * f[k] / 0.3), 1.0, float(MOST_PLACES));
+        float share = gains[k] * band(max(across, long_m / count), f[k]) / count;
+        vec2 way = f[k] * along / count;
+        vec2 first = f[k] * p - 0.5 * (count - 1.0) * way;
+        // A loop that does not turn takes no time, unlike a branch.
+        count = share > 0.0 ? count : 0.0;
+        for (float i = 0.0; i < count; i++) {
+            sum += share * (noise(first + i * way) - 0.5);
+        }
+    }
+    return sum;
+#endif
 }

@@ -44,14 +44,14 @@ class Imager:
             self._response *= np.float32(1) + np.float32(config.response) * spread[0]
             self._offset_e = np.float32(config.dark_signal_e) * spread[1]
         top = 1 << config.adc_bits
-        curve = [255.0 * (k / (top - 1)) ** (1.0 / config.gamma) for k in range(top)]
-        self._curve = np.array([round(value) for value in curve], np.uint8)
+        curve = [round(255.0 * (k / (top - 1)) ** (1.0 / config.gamma)) for k in range(top)]
+        self._curve = np.array(curve, np.uint8)
 
     def level_cd_m2(self, radiance_cd_m2: F32) -> float:
-        """Input of the exposure control: mean luminance of every eighth pixel [cd/m²]."""
-        some = radiance_cd_m2[::8, ::8].astype(np.float64)
-        luminance = 0.2126 * some[..., 0] + 0.7152 * some[..., 1] + 0.0722 * some[..., 2]
-        return float(luminance.mean())
+        """Input of the exposure control: mean luminance on every eighth pixel, behind the lens [cd/m²]."""
+        response = self._response.reshape(*radiance_cd_m2.shape[:2], -1)
+        some = (radiance_cd_m2[::8, ::8] * response[::8, ::8]).astype(np.float64)
+        return float((0.2126 * some[..., 0] + 0.7152 * some[..., 1] + 0.0722 * some[..., 2]).mean())
 
     def picture(self, radiance_cd_m2: F32, product_s: float, stamp_ns: int) -> NDArray[np.uint8]:
         """Picture of a mean radiance over the exposure.
@@ -167,7 +167,6 @@ def picked(
 def _expose(
     before: Any, after: Any, forward: Any, backward: Any, rows: Any, out: Any, first: int, end: int
 ) -> None:
-    one = np.float32(1)
     for y in range(first, end):
         s0, s1 = rows[y, 0], rows[y, 1]
         for x in range(before.shape[1]):
@@ -176,19 +175,19 @@ def _expose(
                 max(abs(backward[y, x, 0]), abs(backward[y, x, 1])),
             )
             count = min(max(math.ceil(length * (s1 - s0)), 1), SAMPLES_MAX)
-            share = one / np.float32(count)
+            share = _ONE / np.float32(count)
             for channel in range(before.shape[2]):
                 out[y, x, channel] = np.float32(0)
             for j in range(count):
                 s = s0 + (s1 - s0) * share * (np.float32(j) + np.float32(0.5))
                 ax, ay, bx, by, kind = _seen_at(forward, backward, y, x, s)
-                weight = one - s if kind == BOTH else one if kind == FIRST else np.float32(0)
+                weight = _ONE - s if kind == BOTH else _ONE if kind == FIRST else np.float32(0)
                 for channel in range(before.shape[2]):
                     value = np.float32(0)
                     if kind != SECOND:
                         value += weight * _channel_between(before, ax, ay, channel)
                     if kind != FIRST:
-                        value += (one - weight) * _channel_between(after, bx, by, channel)
+                        value += (_ONE - weight) * _channel_between(after, bx, by, channel)
                     out[y, x, channel] += share * value
 
 

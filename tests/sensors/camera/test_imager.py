@@ -87,6 +87,17 @@ def test_vignetting_and_tone_curve() -> None:
     assert picture[0, 0, 0] == pytest.approx(255 * (0.5 * 0.6) ** (1 / 2.2), abs=1.0)
 
 
+def test_control_measures_light_behind_the_lens() -> None:
+    """Of even light 1 − v/3 is left: (r/R)² has the mean 1/3 over a picture. So its mean is the target."""
+    for bayer in (False, True):
+        config = replace(PLAIN, noise=False, vignetting=0.45, bayer=bayer)
+        imager = Imager(config, "left", SHAPE, seed=1)
+        level = imager.level_cd_m2(even(800.0))
+        assert level == pytest.approx(800.0 * (1 - 0.45 / 3), rel=0.01)
+        picture = imager.picture(even(800.0), config.settled(level), 0)
+        assert picture.mean() == pytest.approx(255.0 * config.target, rel=0.02)
+
+
 def test_control_reacts_as_a_first_order_lag_between_its_limits() -> None:
     config = ImagerConfig()
     product = config.settled(3000.0)
