@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.route import Route
+from carlaloc_env.town.routing.route import Route, RoutePose
 from carlaloc_env.traffic.signals import stop_lines
 
 _RANGE_M = 45.0
@@ -33,6 +33,8 @@ _ONCOMING_RAD = 2.2
 """Vehicles that meet the route at a greater angle are oncoming [rad]."""
 _SIDE_M = 0.35
 """Room beside both vehicles [m]."""
+_LEADER_SIDE_M = 0.25
+"""Room beside the ego within which a vehicle ahead is in its path [m]."""
 _CLEAR_BEFORE_S = 1.6
 """A vehicle counts when the ego arrives so much before it at most [s]."""
 _CLEAR_AFTER_S = 2.4
@@ -100,6 +102,56 @@ def _future(actors: ActorFrame, index: NDArray[np.intp]) -> tuple[Array, Array, 
     x = actors.position_m[index, 0].astype(np.float64)[:, None] + chord * elementary.cos(direction)
     y = actors.position_m[index, 1].astype(np.float64)[:, None] + chord * elementary.sin(direction)
     return x, y, heading + 2.0 * half_turn
+
+
+def standing_gap_m(path: RoutePose, ahead_m: Array, actors: ActorFrame, catalog: ActorCatalog) -> float:
+    """Way that the ego can drive before its body would touch a vehicle that stands [m]; infinite if none.
+
+    In bends the ego's front swings out farther than the width of its path: the boxes are compared.
+
+    Args:
+        path: The ego's route ahead at P places.
+        ahead_m: Their distances from `base_link` [m], (P,).
+        actors: State of all N actors now.
+        catalog: Their catalogue.
+    """
+    position_m = actors.position_m.astype(np.float64)
+    reach_m = ahead_m[-1] + 10.0
+    away = position_m - path.position_m[0]
+    index = np.flatnonzero((actors.speed_mps <= _SLOWEST_MPS) & (np.hypot(away[:, 0], away[:, 1]) < reach_m))
+    if len(index) == 0:
+        return np.inf
+    heading = path.heading_rad
+    east, north = elementary.cos(heading), elementary.sin(heading)
+    centre_m = 0.5 * (EGO_FRONT_M + EGO_REAR_M)
+    delta = position_m[index, None, :] - path.position_m
+    dx, dy = delta[..., 0] - centre_m * east, delta[..., 1] - centre_m * north
+    theirs = actors.heading_rad[index].astype(np.float64)[:, None]
+    their_east, their_north = elementary.cos(theirs), elementary.sin(theirs)
+    half = 0.5 * catalog.size_m[index].astype(np.float64)
+    length, width = half[:, :1], half[:, 1:2]
+    ego_length, ego_width = 0.5 * EGO_SIZE_M[0], 0.5 * EGO_SIZE_M[1] + _LEADER_SIDE_M
+    cos = np.abs(east * their_east + north * their_north)
+    sin = np.abs(east * their_north - north * their_east)
+    # Boxes are apart where one of their four axes separates them.
+    apart = np.maximum.reduce(
+        [
+            np.abs(dx * east + dy * north) - ego_length - length * cos - width * sin,
+            np.abs(dy * east - dx * north) - ego_width - length * sin - width * cos,
+            np.abs(dx * their_east + dy * their_north) - length - ego_length * cos - ego_width * sin,
+            np.abs(dy * their_east - dx * their_north) - width - ego_length * sin - ego_width * cos,
+        ]
+    )
+    apart = np.where(np.abs(delta[..., 2]) < 3.0, apart, reach_m)
+    meets = apart <= 0.0
+    row = np.argmax(meets & ~meets[:, :1], axis=1)
+    found = np.flatnonzero(row)
+    if len(found) == 0:
+        return np.inf
+    row = row[found]
+    before, after = apart[found, row - 1], apart[found, row]
+    share = before / (before - after)
+    return float(np.min(ahead_m[row - 1] + share * (ahead_m[row] - ahead_m[row - 1])))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -213,7 +265,15 @@ class RoadAhead:
         route = self._route
         s = self.progress_m % route.length_m if route.closed else self.progress_m
         stop_distance, stop_state = self._next_stop(s, signals)
-        gap, leader_speed = self._leader(s, actors, catalog)
+        ahead = np.arange(0.0, SIGHT_M, _SAMPLE_M)
+        if not route.closed:
+            ahead = ahead[s + ahead <= route.length_m]
+        path = route.at(s + ahead)
+        gap, leader_speed = self._leader(path, ahead, actors, catalog)
+        standing = standing_gap_m(path, ahead, actors, catalog)
+        # A leader's own gap is exact to a sample.
+        if standing < (np.inf if gap is None else gap - _SAMPLE_M):
+            gap, leader_speed = standing, 0.0
         crossing = crossing_traffic(route, s, speed_mps, actors, catalog)
         if crossing is not None and (gap is None or crossing[0] < gap):
             gap, leader_speed = crossing
@@ -238,18 +298,13 @@ class RoadAhead:
         nearest = int(np.argmin(np.where(valid, ahead, np.inf)))
         return float(ahead[nearest]), int(signals[self._stop_heads[nearest]].max())
 
-    def _leader(self, s_m: float, actors: ActorFrame, catalog: ActorCatalog) -> tuple[float | None, float]:
+    @staticmethod
+    def _leader(
+        path: RoutePose, ahead: Array, actors: ActorFrame, catalog: ActorCatalog
+    ) -> tuple[float | None, float]:
         """Bumper-to-bumper gap to the first vehicle in the ego's path [m], and its speed along the route."""
         if not len(actors):
             return None, 0.0
-        ahead = np.arange(0.0, SIGHT_M, _SAMPLE_M)
-        s = s_m + ahead
-        if self._route.closed:
-            s = np.mod(s, self._route.length_m)
-        else:
-            s = s[s <= self._route.length_m]
-            ahead = ahead[: len(s)]
-        path = self._route.at(s)
         half = 0.5 * catalog.size_m[:, :2].astype(np.float64)
         position_m = actors.position_m.astype(np.float64)
         near = np.linalg.norm(position_m[:, :2] - path.position_m[0, :2], axis=-1) < SIGHT_M + 10.0
@@ -264,7 +319,9 @@ class RoadAhead:
         cos, sin = elementary.cos(angle), elementary.sin(angle)
         half_width = half[index, 0] * np.abs(sin) + half[index, 1] * np.abs(cos)
         side = np.sqrt(distance[rows, closest])
-        in_path = (side < half_width + 0.5 * EGO_SIZE_M[1] + 0.25) & (np.abs(delta[rows, closest, 2]) < 3.0)
+        in_path = (side < half_width + 0.5 * EGO_SIZE_M[1] + _LEADER_SIDE_M) & (
+            np.abs(delta[rows, closest, 2]) < 3.0
+        )
         in_path &= (closest > 0) & (closest < len(ahead) - 1)
         if not in_path.any():
             return None, 0.0

@@ -1,12 +1,13 @@
-"""Crossing traffic seen from a straight road: who is in the way, and who is not."""
+"""Crossing and standing traffic: who is in the way of the ego, and who is not."""
 
 import math
 
+import numpy as np
 import pytest
 from shared_fixtures.drives.driver_runs import route_of
 from shared_fixtures.worlds.scenes import Scenery
 
-from carlaloc_env.driving.road_ahead import crossing_traffic
+from carlaloc_env.driving.road_ahead import SIGHT_M, crossing_traffic, standing_gap_m
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
 from carlaloc_env.town.routing.route import Route
 
@@ -68,3 +69,45 @@ def test_well_before_or_well_after_does_not_count() -> None:
 
 def test_empty_road() -> None:
     assert crossing_traffic(eastward(), 20.0, 10.0, empty_frame(), empty_catalog()) is None
+
+
+def gap_to(route: Route, s_m: float, seen: tuple[ActorFrame, ActorCatalog]) -> float:
+    """Way before the ego touches a standing car [m], from a place on its route."""
+    ahead = np.arange(0.0, min(SIGHT_M, route.length_m - s_m), 1.0)
+    return standing_gap_m(route.at(s_m + ahead), ahead, *seen)
+
+
+def test_the_way_to_a_standing_car_is_exact() -> None:
+    """Its rear is at 59.3 - 2.25 m, the ego's front at 20 + 3.75 m; across the road half its width counts."""
+    assert gap_to(eastward(), 20.0, car(59.3, 0.4, 0.0, 0.0)) == pytest.approx(33.3)
+    assert gap_to(eastward(), 20.0, car(59.3, 2.0, math.pi / 2, 0.0)) == pytest.approx(34.65)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "speed_mps", "z_m"),
+    [(60.0, 2.2, 0.0, 0.0), (60.0, 0.0, 5.0, 0.0), (10.0, 0.0, 0.0, 0.0), (60.0, 0.0, 0.0, 6.0)],
+    ids=["beside the path", "moving", "behind", "on a bridge"],
+)
+def test_these_cars_do_not_stand_in_the_way(x_m: float, y_m: float, speed_mps: float, z_m: float) -> None:
+    assert math.isinf(gap_to(eastward(), 20.0, car(x_m, y_m, 0.0, speed_mps, z_m)))
+
+
+@pytest.mark.parametrize(("room_m", "hits"), [(0.55, True), (0.95, False)])
+def test_the_front_swings_out_in_a_bend(room_m: float, hits: bool) -> None:
+    """A right turn of radius 12 m: the front's outer corner reaches 0.53 m beyond the path's edge.
+
+    With 0.25 m of room it is a circle of radius hypot(12 + 0.925 + 0.25, 3.75) = 13.70 m. A car outside the
+    bend, square to its radius, counts if its side is closer to the centre; each side is beyond the path's
+    edge and the room.
+    """
+    radius = 12.0
+    route = route_of([(30.0, 0.0), (40.0, -1.0 / radius), (20.0, 0.0)], 8.0)
+    middle = route.at(50.0)
+    across = float(middle.heading_rad[0]) + math.pi / 2
+    x, y, _ = middle.position_m[0]
+    away = 0.925 + room_m + 0.9
+    found = gap_to(
+        route, 25.0, car(x + away * math.cos(across), y + away * math.sin(across), across - math.pi / 2, 0.0)
+    )
+    assert (radius + 0.925 + room_m < math.hypot(radius + 0.925 + 0.25, FRONT_M)) == hits
+    assert math.isfinite(found) == hits
