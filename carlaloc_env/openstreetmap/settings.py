@@ -15,7 +15,7 @@ from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.routing.default_route import choose_route
+from carlaloc_env.town.routing.default_route import choose_loop
 
 ZONES = {
     "field": "rural", "wood": "rural", "residential": "residential", "industrial": "industrial",
@@ -69,19 +69,18 @@ def settings_text(name: str, extract: Extract, features: Features, network: Road
 
 
 def _route(xodr: str) -> list[str]:
-    """Lines of the default route: about a kilometre of the town's own streets, without turning places."""
+    """Lines of the default route: about a kilometre of the town's own streets, where these lead round."""
     town = read_opendrive(xodr.encode())
     lanes = build_network(town)
     ours = {road.id for road in town.roads if PLACE_NAME in road.name or ": back from" in road.name}
-    route = choose_route(lanes, avoided=np.array([lane.road_id in ours for lane in lanes.lanes]))
-    if route is None or route.closed:
+    route = choose_loop(lanes, avoided=np.array([lane.road_id in ours for lane in lanes.lanes]))
+    if route is None:
         return []
     starts = np.flatnonzero(np.diff(route.lane, prepend=-1))
     middles = [(a + b) // 2 for a, b in itertools.pairwise([*starts, len(route.lane)])
                if lanes.lanes[route.lane[a]].junction_id is None and b - a > LEAST_ROWS]  # fmt: skip
-    rows = [0, *middles[1:-1], len(route.lane) - 1]
-    points = ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y, _ in route.position_m[rows])
-    return ["", "[route]", f"points = [{points}]"]
+    points = ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y, _ in route.position_m[[0, *middles[1:-1]]])
+    return ["", "[route]", f"points = [{points}]", "loop = true"]
 
 
 def _walked(road) -> bool:  # type: ignore[no-untyped-def]

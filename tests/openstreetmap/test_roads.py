@@ -172,11 +172,12 @@ def test_streets_that_turn_back_too_tightly_are_built_to_their_end(tmp_path: Pat
 
 
 def test_the_default_route_follows_the_towns_own_streets(tmp_path: Path) -> None:
-    """About a kilometre, as `town.toml` says, and planned as any route is."""
+    """About a kilometre round, so that a drive of any duration goes on, and planned as any route is."""
     town, network = made(village(), tmp_path)
-    points = tomllib.loads(town.toml)["route"]["points"]
-    route = plan_route(network, [(x, y) for x, y in points], for_car=True)
-    assert 700.0 < route.length_m < 1100.0
+    asked = tomllib.loads(town.toml)["route"]
+    route = plan_route(network, [(x, y) for x, y in asked["points"]], loop=asked["loop"], for_car=True)
+    assert route.closed
+    assert 500.0 < route.length_m < 1500.0
     names = {road.id: road.name for road in read_opendrive(tmp_path / "town.xodr").roads}
     driven = {names[network.lanes[lane].road_id] for lane in set(route.lane.tolist())}
     assert not [name for name in driven if PLACE_NAME in name]

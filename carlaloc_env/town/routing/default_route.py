@@ -1,5 +1,7 @@
 """The default route of a town: along lanes, by the roads least driven so far."""
 
+from collections import defaultdict
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,8 @@ _STARTS = 12
 _POINT_ROOM_M, _END_ROOM_M = 15.0, 5.0
 _LOOP_SHARES = (0.25, 0.5, 0.75)
 """Places on a lane that leads back into itself through which a loop is planned."""
+_WALKED, _LOOP_OFF = 6.0, 0.5
+"""A walk that is searched for a loop has so many lengths; a loop may be longer or shorter by this share."""
 _BACK_RAD, _LEAST_RADIUS_M = 2.4, 4.0
 
 
@@ -49,30 +53,82 @@ def choose_route(
     and so are lanes that begin or end narrower than a car, and `avoided` ones (N,) where there are others.
     A map that is nothing but one lane that leads back into itself has a loop.
     """
-    driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
-    least_m = np.minimum.reduceat(network.tables.width_m, network.tables.first)
-    easy = driving & ~_turns_on_the_spot(network) & (least_m >= CAR_WIDTH_M)
-    if avoided is not None and lanes_that_go_on(network, easy & ~avoided).any():
-        easy &= ~avoided
-    usable = easy if easy.any() else driving
-    onward = lanes_that_go_on(network, easy)
-    if not onward.any():
-        onward = lanes_that_go_on(network)
+    onward, usable = _lanes_to_drive(network, avoided)
     allowed = onward if onward.any() else usable
     to_come_m = np.zeros(len(allowed)) if onward.any() else _ways_to_come(network, usable)
-    starts = sorted(
-        (lane for lane in network.lanes if allowed[lane.index] and lane.junction_id is None),
-        key=lambda lane: (-float(to_come_m[lane.index]), -lane.length_m, lane.index),
-    )
+    starts = _starts(network, allowed, to_come_m)
     best: Route | None = None
-    for start in starts[:_STARTS]:
-        lanes = _walk(network, allowed, to_come_m, start.index, 1.2 * length_m)
+    for start in starts:
+        lanes = _walk(network, allowed, to_come_m, start, 1.2 * length_m)
         route = _planned(network, lanes, length_m, whole=not onward.any())
         if route is not None and (best is None or route.length_m > best.length_m):
             best = route
         if best is not None and best.length_m > 0.98 * length_m:
             break
-    return best or next(filter(None, (_loop(network, start.index) for start in starts[:_STARTS])), None)
+    return best or next(filter(None, (_loop(network, start) for start in starts)), None)
+
+
+def choose_loop(
+    network: LaneNetwork, length_m: float = ROUTE_LENGTH_M, avoided: NDArray[np.bool_] | None = None
+) -> Route | None:
+    """A closed route of about this length [m], by lanes that `choose_route` would drive; None without one.
+
+    Among the rounds of its walks, the one over the most lanes that it does not drive twice is taken;
+    `avoided` ones (N,) do not count.
+    """
+    onward, _ = _lanes_to_drive(network, avoided)
+    worth_m = network.tables.length_m * (1.0 if avoided is None else ~avoided)
+    rounds: list[tuple[float, list[int]]] = []
+    for start in _starts(network, onward, np.zeros(len(onward))):
+        lanes = _walk(network, onward, np.zeros(len(onward)), start, _WALKED * length_m)
+        rounds += _rounds(network, lanes, length_m, worth_m)
+    for _, lanes in sorted(rounds, key=lambda scored: -scored[0]):
+        route = _planned(network, lanes, length_m, whole=False, loop=True)
+        if route is not None:
+            return route
+    return None
+
+
+def _rounds(
+    network: LaneNetwork, lanes: list[int], length_m: float, worth_m: Array
+) -> list[tuple[float, list[int]]]:
+    """Parts of a walk that end where they began, the first lane not repeated, with their scores."""
+    at_m = np.cumsum([0.0, *(network.lanes[lane].length_m for lane in lanes)])
+    before: dict[int, list[int]] = defaultdict(list)
+    found = []
+    for end, lane in enumerate(lanes):
+        for begin in before[lane]:
+            round_m = float(at_m[end] - at_m[begin])
+            if abs(round_m - length_m) <= _LOOP_OFF * length_m:
+                once_m = float(worth_m[np.unique(lanes[begin:end])].sum())
+                found.append((once_m - abs(round_m - length_m), lanes[begin:end]))
+        if network.lanes[lane].junction_id is None and network.lanes[lane].length_m > _POINT_ROOM_M:
+            before[lane].append(end)
+    return found
+
+
+def _lanes_to_drive(
+    network: LaneNetwork, avoided: NDArray[np.bool_] | None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Lanes from which one can drive for ever, and all that may be driven, (N,) each."""
+    driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
+    least_m = np.minimum.reduceat(network.tables.width_m, network.tables.first)
+    easy = driving & ~_turns_on_the_spot(network) & (least_m >= CAR_WIDTH_M)
+    if avoided is not None and lanes_that_go_on(network, easy & ~avoided).any():
+        easy &= ~avoided
+    onward = lanes_that_go_on(network, easy)
+    if not onward.any():
+        onward = lanes_that_go_on(network)
+    return onward, easy if easy.any() else driving
+
+
+def _starts(network: LaneNetwork, allowed: NDArray[np.bool_], to_come_m: Array) -> list[int]:
+    """Lanes at which a walk may begin, the best first."""
+    lanes = sorted(
+        (lane for lane in network.lanes if allowed[lane.index] and lane.junction_id is None),
+        key=lambda lane: (-float(to_come_m[lane.index]), -lane.length_m, lane.index),
+    )
+    return [lane.index for lane in lanes[:_STARTS]]
 
 
 def _loop(network: LaneNetwork, lane: int) -> Route | None:
@@ -133,7 +189,9 @@ def _walk(
     return lanes
 
 
-def _planned(network: LaneNetwork, lanes: list[int], length_m: float, *, whole: bool) -> Route | None:
+def _planned(
+    network: LaneNetwork, lanes: list[int], length_m: float, *, whole: bool, loop: bool = False
+) -> Route | None:
     """The route over these lanes, from the first one's middle to the last one's, or over all of both."""
     through = [
         lane
@@ -152,7 +210,7 @@ def _planned(network: LaneNetwork, lanes: list[int], length_m: float, *, whole: 
     places = network.pose(np.array(through), middle).position_m
     points = [(float(x), float(y)) for x, y, _ in places]
     try:
-        route = plan_route(network, points, for_car=True)
-        return route.cut_start(length_m) if route.length_m > length_m else route
+        route = plan_route(network, points, for_car=True, loop=loop)
+        return route if loop or route.length_m <= length_m else route.cut_start(length_m)
     except MapError:
         return None

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shared_fixtures.worlds.maps import CROSSING, MAPS
-from shared_fixtures.worlds.towns import network_at
+from shared_fixtures.worlds.towns import network_at, town_network
 
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.default_route import choose_route, lanes_that_go_on
+from carlaloc_env.town.routing.default_route import choose_loop, choose_route, lanes_that_go_on
 
 ROAD = (
     '<road id="{}" length="{}" junction="-1"><link>{}</link><planView>'
@@ -37,6 +37,30 @@ def test_chosen_routes_follow_lanes(path: Path) -> None:
     near = network.nearest(route.position_m)
     assert np.percentile(near.distance_m, 95) < 0.3
     assert all(network.lanes[lane].type == "driving" for lane in np.unique(route.lane))
+
+
+@pytest.mark.parametrize("path", MAPS)
+def test_chosen_loops_close(path: Path) -> None:
+    """A loop is about as long as asked, ends where it begins, and avoids the lanes that it should."""
+    network = network_at(path)
+    loop = choose_loop(network, 2000.0)
+    assert loop is not None
+    assert loop.closed
+    assert loop.length_m == pytest.approx(2000.0, rel=0.5)
+    around = np.vstack([loop.position_m, loop.position_m[:1]])
+    assert np.linalg.norm(np.diff(around, axis=0), axis=1).max() < 1.2 * loop.step_m + 0.1
+    assert all(network.lanes[lane].type == "driving" for lane in np.unique(loop.lane))
+
+
+def test_a_loop_avoids_lanes_where_another_leads_round() -> None:
+    network = town_network("Town03")
+    first = choose_loop(network)
+    assert first is not None
+    avoided = np.zeros(len(network.lanes), dtype=bool)
+    avoided[np.bincount(first.lane).argmax()] = True
+    other = choose_loop(network, avoided=avoided)
+    assert other is not None
+    assert not avoided[other.lane].any()
 
 
 def test_dead_ends_are_known() -> None:
