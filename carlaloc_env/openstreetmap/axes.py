@@ -190,11 +190,7 @@ def _goodness(option: tuple[list[tuple[float, float]], list[float], float]) -> f
 
 def radius(path: Path) -> float:
     """Least radius of a path [m]."""
-    return (
-        1.0 / max((max(abs(p.k0), abs(p.k1)) for p in path.pieces), default=1e-9)
-        if any(p.k0 or p.k1 for p in path.pieces)
-        else 1e9
-    )
+    return 1.0 / max(*curvatures(path), 1e-9)
 
 
 def curvatures(path: Path) -> tuple[float, float]:

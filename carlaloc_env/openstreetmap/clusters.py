@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import heapq
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -119,14 +121,13 @@ def find_clusters(chains: Sequence[Chain], more: Mapping[tuple[int, int], float]
             swallow(k)
     known: dict[tuple[int, ...], Cluster] = {}
     while True:
-        groups = _groups(chains, inner, root)
         clusters = []
-        for nodes, ends, inside in groups:
-            key = (*sorted(nodes), *sorted(inside))
+        for group in _groups(chains, inner, root):
+            key = (*sorted(group.nodes), *sorted(group.inner))
             if key not in known:
-                known[key] = Cluster(set(nodes), ends, inside)
-                _set_back(known[key], chains)
-                for end in known[key].ends:
+                known[key] = group
+                _set_back(group, chains)
+                for end in group.ends:
                     end.setback_m += more.get((end.chain, end.side), 0.0)
             clusters.append(known[key])
         setback = {(end.chain, end.side): end.setback_m for c in clusters for end in c.ends}
@@ -144,38 +145,30 @@ def find_clusters(chains: Sequence[Chain], more: Mapping[tuple[int, int], float]
             changed = ((one or length <= longest) and swallow(k)) or changed
         for k, chain in enumerate(chains):
             # Beside the turns of a junction there is no room for a street of its own.
-            if (
-                k not in inner
-                and root(chain.nodes[0]) == root(chain.nodes[-1])
-                and chain.length_m <= SWALLOWED_M
-            ):
+            one = root(chain.nodes[0]) == root(chain.nodes[-1])
+            if k not in inner and one and chain.length_m <= SWALLOWED_M:
                 changed = swallow(k) or changed
         if not changed:
             _shrink(clusters, chains)
             return clusters
 
 
-def _groups(
-    chains: Sequence[Chain], inner: set[int], root: object
-) -> list[tuple[list[int], list[End], list[int]]]:
-    nodes: dict[int, set[int]] = {}
-    ends: dict[int, list[End]] = {}
-    inside: dict[int, list[int]] = {}
+def _groups(chains: Sequence[Chain], inner: set[int], root: Callable[[int], int]) -> list[Cluster]:
+    """Junctions of the nodes that have one root, their ends not yet set back."""
+    found: dict[int, Cluster] = defaultdict(lambda: Cluster(set()))
     for k, chain in enumerate(chains):
         for side, at in ((0, 0), (1, -1)):
-            node = chain.nodes[at]
-            home = root(node)  # type: ignore[operator]
-            nodes.setdefault(home, set()).add(node)
+            home = found[root(chain.nodes[at])]
+            home.nodes.add(chain.nodes[at])
             if k not in inner:
-                line = chain.line if side == 0 else chain.line[::-1]
-                piece = chain.pieces[at]
-                ends.setdefault(home, []).append(
-                    End(k, side, node, line, half_width(piece.street), not chain.oneway or side == 1,
-                        not chain.oneway or side == 0, piece.street)
-                )  # fmt: skip
+                line, street = chain.line if side == 0 else chain.line[::-1], chain.pieces[at].street
+                enters, leaves = not chain.oneway or side == 1, not chain.oneway or side == 0
+                home.ends.append(
+                    End(k, side, chain.nodes[at], line, half_width(street), enters, leaves, street)
+                )
         if k in inner:
-            inside.setdefault(root(chain.nodes[0]), []).append(k)  # type: ignore[operator]
-    return [(sorted(nodes[h]), ends.get(h, []), inside.get(h, [])) for h in sorted(nodes)]
+            found[root(chain.nodes[0])].inner.append(k)
+    return [found[home] for home in sorted(found)]
 
 
 def _set_back(cluster: Cluster, chains: Sequence[Chain]) -> None:
@@ -229,22 +222,21 @@ def _apart(a: End, b: End) -> None:
 
 def reachable(cluster: Cluster, chains: Sequence[Chain]) -> list[tuple[End, End]]:
     """Pairs of legs between which the streets inside lead."""
-    onward: dict[int, set[int]] = {}
+    onward: dict[int, set[int]] = defaultdict(set)
     for k in cluster.inner:
         first, last = chains[k].nodes[0], chains[k].nodes[-1]
-        onward.setdefault(first, set()).add(last)
+        onward[first].add(last)
         if not chains[k].oneway:
-            onward.setdefault(last, set()).add(first)
+            onward[last].add(first)
     found = []
     for a in cluster.ends:
         if not a.enters:
             continue
         seen, todo = {a.node}, [a.node]
         while todo:
-            for node in onward.get(todo.pop(), ()):
-                if node not in seen:
-                    seen.add(node)
-                    todo.append(node)
+            fresh = onward[todo.pop()] - seen
+            seen |= fresh
+            todo += fresh
         found += [
             (a, b) for b in cluster.ends
             if b.leaves and b.node in seen and (b.chain, b.side) != (a.chain, a.side)
@@ -276,10 +268,10 @@ def turn_radius(a: End, b: End) -> float:
 
 def _shrink(clusters: Iterable[Cluster], chains: Sequence[Chain]) -> None:
     """Where a road is too short for both its setbacks, they share it."""
-    ends: dict[int, list[End]] = {}
+    ends: dict[int, list[End]] = defaultdict(list)
     for cluster in clusters:
         for end in cluster.ends:
-            ends.setdefault(end.chain, []).append(end)
+            ends[end.chain].append(end)
     for k, both in ends.items():
         room = chains[k].length_m - ROAD_M
         asked = sum(end.setback_m for end in both)
@@ -290,8 +282,6 @@ def _shrink(clusters: Iterable[Cluster], chains: Sequence[Chain]) -> None:
 
 def route_inside(cluster: Cluster, chains: Sequence[Chain], a: End, b: End) -> Array:
     """Points (N, 2) from leg a's node to leg b's node along the streets inside [m]."""
-    import heapq
-
     steps: dict[int, list[tuple[int, Array, float]]] = {}
     for k in cluster.inner:
         chain = chains[k]

@@ -20,8 +20,6 @@ Box = tuple[float, float, float, float]
 """West, south, east, north [deg]."""
 Tags = Mapping[str, str]
 """Keys and values of one element."""
-SUFFIXES = (".osm", ".osm.gz", ".osm.pbf", ".pbf")
-"""Files that are read."""
 NODE_LIMIT = 3_000_000
 """Extracts with more nodes inside the box are refused."""
 WIDEST_DEG = 0.5
@@ -56,8 +54,6 @@ class Extract:
     node_tags: dict[int, Tags] = field(default_factory=dict)
     ways: dict[int, Way] = field(default_factory=dict)
     relations: list[Relation] = field(default_factory=list)
-    edge: set[int] = field(default_factory=set)
-    """Nodes where a way was cut, at the box or since the file holds no more of it."""
     broken: list[int] = field(default_factory=list)
     """Ways with fewer than two known nodes."""
     geo: GeoReference = field(default_factory=lambda: GeoReference(latitude_deg=0.0, longitude_deg=0.0))
@@ -204,8 +200,6 @@ def _cut(found: Extract, kept: dict[int, tuple[float, float]], box: Box | None) 
                     found.degrees[fresh] = node
                     node, fresh = fresh, fresh - 1
                 nodes.append(node)
-            ends = ((nodes[0], way.nodes[0]), (nodes[-1], way.nodes[-1]))
-            found.edge |= {node for node, whole in ends if node != whole}
             runs.append(tuple(nodes))
         del found.ways[way.id]
         for k, whole in enumerate(runs):

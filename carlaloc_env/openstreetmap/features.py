@@ -13,7 +13,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from carlaloc_env.openstreetmap.extract import Extract, Tags
-from carlaloc_env.openstreetmap.tags import number
+from carlaloc_env.openstreetmap.tags import layer, number
 
 STOREY_M, ROOF_STOREY_M = 3.1, 2.5
 """Height of a storey and of one below the roof where no tag says it [m]."""
@@ -141,11 +141,9 @@ def _shapes(extract: Extract) -> Iterator[tuple[str, Any, Tags]]:
 
 
 def _filled(lines: Sequence[Any]) -> Any:
-    return (
-        shapely.union_all(shapely.get_parts(shapely.polygonize([shapely.union_all(lines)])))
-        if lines
-        else (shapely.Polygon())
-    )
+    """Area that lines surround."""
+    whole = shapely.union_all(lines)
+    return shapely.union_all(shapely.get_parts(shapely.polygonize([whole]))) if lines else shapely.Polygon()
 
 
 def _matches(tags: Tags, rules: Mapping[str, tuple[str, ...]]) -> bool:
@@ -188,9 +186,7 @@ def _plain(kind: str, tags: Tags) -> dict[str, Any]:
         usual = {"fence": 1.2, "wall": 1.8, "hedge": 1.4}[kind]
         return {**name, "height_m": height if height is not None and 0.2 <= height <= 8.0 else usual}
     if kind in ("rail", "tram"):
-        value = number((tags.get("layer") or "").lstrip("-"))
-        layer = int(value or 0) * (-1 if (tags.get("layer") or "").startswith("-") else 1)
-        return {**name, "layer": layer or (1 if tags.get("bridge", "no") != "no" else 0)}
+        return {**name, "layer": layer(tags) or int(tags.get("bridge", "no") != "no")}
     return name
 
 
@@ -235,16 +231,12 @@ def _building(tags: Tags) -> dict[str, Any]:
     rise = number(tags.get("roof:height"))
     if rise is not None and 0.0 < rise <= 30.0:
         found["roof_m"] = rise
-    for key, tag in (
-        ("roof", "roof:shape"),
-        ("material", "building:material"),
-        ("roof_material", "roof:material"),
-    ):
-        if tag in tags:
-            found[key] = tags[tag]
-    for key, tag in (("colour", "building:colour"), ("roof_colour", "roof:colour")):
-        if colour(tags.get(tag)):
-            found[key] = colour(tags[tag])
+    look = {
+        "roof": tags.get("roof:shape"), "material": tags.get("building:material"),
+        "roof_material": tags.get("roof:material"), "colour": colour(tags.get("building:colour")),
+        "roof_colour": colour(tags.get("roof:colour")),
+    }  # fmt: skip
+    found |= {key: value for key, value in look.items() if value}
     if "shop" in tags or tags.get("building") in ("retail", "shop", "supermarket"):
         found["shop"] = True
     return found

@@ -7,7 +7,7 @@ little as clearances, grades and vertical curves allow.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,8 +21,7 @@ from carlaloc_env.authoring.geometry.plan_view_curves import Path
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.openstreetmap.clusters import Cluster, half_width
 from carlaloc_env.openstreetmap.road_graph import Chain
-from carlaloc_env.openstreetmap.road_network import Heights
-from carlaloc_env.openstreetmap.tags import Street
+from carlaloc_env.openstreetmap.road_network import Crossing, Heights
 
 CLEAR_M = 5.9
 """Height of a street above another that it crosses: 4.5 m are free, the rest is deck [m]."""
@@ -39,25 +38,12 @@ _SLACK_COST, _BEND_COST = 2000.0, 30.0
 
 
 @dataclass(slots=True)
-class Crossing:
-    """Two streets of different levels, or a street and a railway, one above the other."""
-
-    upper: int | None
-    """Chain on top; None: the railway."""
-    lower: int | None
-    x: float
-    y: float
-
-
-@dataclass(slots=True)
 class LayeredHeights(Heights):
     """Heights at points along every chain, level at its junctions."""
 
     stations: dict[int, Array] = field(default_factory=dict)
     values: dict[int, Array] = field(default_factory=dict)
     clusters: dict[tuple[int, ...], float] = field(default_factory=dict)
-    missed: list[tuple[Crossing, float]] = field(default_factory=list)
-    """Crossings without the clearance, and what it lacks [m]."""
 
     def of_road(self, chain: int, first_m: float, path: Path) -> list[Record]:
         """Elevation of a chain's road, which begins at `first_m`."""
@@ -151,7 +137,7 @@ class _Programme:
         self._stations: dict[int, Array] = {}
         self._variables: dict[int, NDArray[np.int64]] = {}
         self._rows: list[tuple[list[int], list[float], float]] = []
-        """Columns, factors and bound of every `≤`."""
+        """Columns, factors and bound of every `≤`; factors of one column add up."""
         home = {(end.chain, end.side): (k, end.setback_m) for k, c in enumerate(clusters) for end in c.ends}
         inside = {chain: k for k, cluster in enumerate(clusters) for chain in cluster.inner}
         for k, chain in enumerate(chains):
@@ -204,11 +190,10 @@ class _Programme:
     def _bounds(self) -> Array:
         """Lowest height of every variable: streets that lead into tunnels may sink."""
         low = np.zeros(self._count)
-        for k, chain in enumerate(self._chains):
-            if any(piece.street.level < 0 for piece in chain.pieces):
-                own = self._variables[k]
-                low[own[own >= len(self._clusters)]] = DEEPEST_M
         sinking = {k for k, chain in enumerate(self._chains) if any(p.street.level < 0 for p in chain.pieces)}
+        for k in sinking:
+            own = self._variables[k]
+            low[own[own >= len(self._clusters)]] = DEEPEST_M
         for n, cluster in enumerate(self._clusters):
             if sinking.issuperset({*(end.chain for end in cluster.ends), *cluster.inner}):
                 low[n] = DEEPEST_M
@@ -222,18 +207,13 @@ class _Programme:
             radius = FAST_RADIUS_M if chain.street.speed_kmh > FAST_KMH else RADIUS_M
             for a, b in itertools.pairwise(own.tolist()):
                 if a != b:
-                    self._rows += [
-                        ([a, b], [1.0, -1.0], STEEPEST * step),
-                        ([a, b], [-1.0, 1.0], STEEPEST * step),
-                    ]
+                    self._rows += [([a, b], [sign, -sign], STEEPEST * step) for sign in (1.0, -1.0)]
             for a, b, c in zip(own.tolist(), own[1:].tolist(), own[2:].tolist(), strict=False):
                 if a == b == c:
                     continue
-                terms: Mapping[int, float] = _summed([(a, 1.0), (b, -2.0), (c, 1.0)])
-                bound = step * step / radius
                 for sign in (1.0, -1.0):
-                    columns, factors = list(terms), [sign * v for v in terms.values()]
-                    self._rows.append((columns, factors, bound))
+                    columns, factors = [a, b, c], [sign, -2.0 * sign, sign]
+                    self._rows.append((columns, factors, step * step / radius))
                     self._rows.append(([*columns, free], [*factors, -1.0], 0.0))
                 free += 1
         return first, free
@@ -257,18 +237,8 @@ class _Programme:
         line = shapely.LineString(self._chains[chain].line)
         at = shapely.line_locate_point(line, shapely.Point(crossing.x, crossing.y))
         other = crossing.lower if chain == crossing.upper else crossing.upper
-        reach = 4.0 if other is None else _half(self._chains[other].street) + 3.0
+        street = None if other is None else self._chains[other].street
+        reach = 4.0 if street is None else half_width(street) + max(street.walks) + 3.0
         s = self._stations[chain]
         rows = np.flatnonzero(np.abs(s - at) <= max(reach, 0.6 * float(s[1])))
         return sorted(set(self._variables[chain][rows].tolist()))  # type: ignore[arg-type]
-
-
-def _half(street: Street) -> float:
-    return half_width(street) + max(street.walks)
-
-
-def _summed(terms: Sequence[tuple[int, float]]) -> dict[int, float]:
-    found: dict[int, float] = {}
-    for column, factor in terms:
-        found[column] = found.get(column, 0.0) + factor
-    return found

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from carlaloc_env.openstreetmap.countries import Country, country_of, drives_lef
 from carlaloc_env.openstreetmap.extract import Box, Extract, Way, read_extract
 from carlaloc_env.openstreetmap.features import MOST_BUILDINGS, Feature, Features, geojson, read_features
 from carlaloc_env.openstreetmap.furniture import furnish
-from carlaloc_env.openstreetmap.heights import LayeredHeights, find_heights
+from carlaloc_env.openstreetmap.heights import find_heights
 from carlaloc_env.openstreetmap.road_graph import Chain, RoadGraph, build_graph
 from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.settings import settings_text
@@ -85,16 +86,9 @@ def import_town(source: Path, *, box: Box | None = None, name: str = "") -> Impo
         for f in features.of("rail")
     ]
     _narrow(graph.chains, solid)
-    found: list[LayeredHeights] = []
-
-    def heights_of(chains, clusters):  # type: ignore[no-untyped-def]
-        made = find_heights(chains, clusters, rails)
-        found.extend([made] if isinstance(made, LayeredHeights) else [])
-        return made
-
     network, chains, dropped = settle(
         graph.chains,
-        heights_of,
+        partial(find_heights, rails=rails),
         restrictions(extract),
         shapely.STRtree(solid),
         yellow=country.code in ("US", "CA"),
@@ -117,7 +111,7 @@ def import_town(source: Path, *, box: Box | None = None, name: str = "") -> Impo
         xodr=xodr,
         toml=settings_text(title, extract, Features(kept, {}), network, xodr),
         features=geojson(kept, extract),
-        report=_report(source, extract, graph, chains, dropped, features, network, country, side, found),
+        report=_report(source, extract, graph, chains, dropped, features, network, country, side),
     )
 
 
@@ -147,8 +141,6 @@ class _Streets:
 
 def _narrow(chains: Sequence[Chain], solid: Sequence[Any]) -> None:
     """Lanes and sidewalks as wide as the houses beside a street leave room for."""
-    from dataclasses import replace
-
     tree = shapely.STRtree(solid)
     for chain in chains:
         line = shapely.LineString(chain.line)
@@ -236,15 +228,11 @@ def _report(
     network: RoadNetwork,
     country: Country,
     drives_on: str,
-    heights: Sequence[LayeredHeights],
 ) -> dict[str, Any]:
     own = [c for c in chains if c.pieces[0].way > 0 or c.pieces[-1].way > 0]
     lost = sum(c.length_m for c in dropped if c.pieces[0].way > 0)
-    guessed: Counter[str] = Counter()
-    for chain in own:
-        for piece in chain.pieces:
-            if piece.way > 0:
-                guessed.update(piece.street.guesses)
+    pieces = [piece for chain in own for piece in chain.pieces if piece.way > 0]
+    guessed = Counter(tag for piece in pieces for tag in piece.street.guesses)
     left_out = {f"way/{way}": why for way, why in graph.left_out.items() if way > 0}
     left_out |= {
         f"way/{p.way}": "its junctions are too tight" for c in dropped for p in c.pieces if p.way > 0
@@ -276,8 +264,7 @@ def _report(
         + [
             f"way/{chains[c.upper].pieces[0].way if c.upper is not None else 'rail'}: "
             f"{gap:.1f} m short of the clearance over what it crosses"
-            for made in heights[-1:]
-            for c, gap in made.missed
+            for c, gap in network.missed
         ],
         "left_out": left_out,
     }

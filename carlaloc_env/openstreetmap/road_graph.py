@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -133,10 +133,10 @@ def _longest(segments: Sequence[Segment], extract: Extract) -> list[Segment]:
 def _left_out(segments: Sequence[Segment], kept: Sequence[Segment], extract: Extract) -> dict[int, str]:
     """Ways that are not built, or not along all their length, and why."""
     built = {(u, v, way.id) for u, v, way in kept}
-    lost: Counter[int] = Counter()
+    lost: dict[int, float] = defaultdict(float)
     for u, v, way in segments:
         if (u, v, way.id) not in built:
-            lost[way.id] += math.dist(extract.xy_m[u], extract.xy_m[v])  # type: ignore[assignment]
+            lost[way.id] += math.dist(extract.xy_m[u], extract.xy_m[v])
     why = "which no other street leads to and back from"
     return {way: f"{metres:.0f} m, {why}" for way, metres in lost.items() if metres > 1.0}
 

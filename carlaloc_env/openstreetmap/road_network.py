@@ -90,10 +90,27 @@ class RoadNetwork:
     """Road of every chain that is not inside a junction."""
     tight: list[Tight] = field(default_factory=list)
     """Turns that would be too tight."""
+    missed: Sequence[tuple[Crossing, float]] = ()
+    """Crossings without the clearance, and what it lacks [m]."""
 
 
+@dataclass(slots=True)
+class Crossing:
+    """Two streets of different levels, or a street and a railway, one above the other."""
+
+    upper: int | None
+    """Chain on top; None: the railway."""
+    lower: int | None
+    x: float
+    y: float
+
+
+@dataclass(slots=True)
 class Heights:
     """Heights of a town that is flat; `heights.py` has those with bridges."""
+
+    missed: list[tuple[Crossing, float]] = field(default_factory=list)
+    """Crossings without the clearance, and what it lacks [m]."""
 
     def of_road(self, chain: int, first_m: float, path: Path) -> list[Record]:
         """Elevation of a chain's road, which begins at `first_m`."""
@@ -265,8 +282,8 @@ def _junction(
         network.junctions.append(Junction(cluster, part, legs, back))
         return
     allowed = _allowed(cluster, chains, banned)
-    turns = [_marks(end) for end in cluster.ends]
-    found = find_movements(legs, allowed, turns)
+    marks = [end.street.turns[1 - end.side] for end in cluster.ends]
+    found = find_movements(legs, allowed, marks)
     lines: list[tuple[Path, float]] = []
     for movement in found:
         ends = (cluster.ends[movement.source], cluster.ends[movement.target])
@@ -291,10 +308,6 @@ def _junction(
         network.roads.append(_connect(movement, part, legs, line, numbers, plane))
         built.append(movement)
     network.junctions.append(Junction(cluster, part, legs, built))
-
-
-def _marks(end: End) -> Sequence[str]:
-    return end.street.turns[0 if end.side == 1 else 1]
 
 
 def _allowed(

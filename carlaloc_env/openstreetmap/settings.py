@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
+from carlaloc_env.authoring.elements.map_parts import RoadPart
+from carlaloc_env.openstreetmap.axes import sampled
 from carlaloc_env.openstreetmap.extract import Extract
-from carlaloc_env.openstreetmap.features import Feature, Features
+from carlaloc_env.openstreetmap.features import Features
 from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
 from carlaloc_env.town.lanes.build_network import build_network
@@ -38,7 +39,7 @@ def settings_text(name: str, extract: Extract, features: Features, network: Road
     geo = extract.geo
     roads = [road for road in network.roads if road.junction < 0]
     km = sum(road.length for road in roads) / 1000.0
-    walked = sum(road.length for road in roads if _walked(road)) / 1000.0  # type: ignore[arg-type]
+    walked = sum(road.length for road in roads if _walked(road)) / 1000.0
     lines = [
         "# Made of OpenStreetMap: © OpenStreetMap contributors, ODbL 1.0.",
         "",
@@ -83,7 +84,7 @@ def _route(xodr: str) -> list[str]:
     return ["", "[route]", f"points = [{points}]", "loop = true"]
 
 
-def _walked(road) -> bool:  # type: ignore[no-untyped-def]
+def _walked(road: RoadPart) -> bool:
     return any(lane.kind == "sidewalk" for _, lane in road.sections[0].lanes())
 
 
@@ -98,17 +99,10 @@ def _ground_of(network: RoadNetwork) -> shapely.Geometry:
     for road in network.roads:
         if any(abs(a) > 2.0 for _, a, *_ in road.elevation):
             continue
-        count = max(2, int(road.length / 6.0) + 1)
-        points = [road.path.at(road.length * k / (count - 1)) for k in range(count)]
         section = road.sections[0]
-        half = (
-            max(sum(lane.width_at(0.0) for lane in side) for side in (section.left, section.right, [])) + 2.5
-        )
-        shapes.append(
-            shapely.buffer(
-                shapely.LineString([(p.x, p.y) for p in points]), half + abs(section.offset[0][1][0])
-            )
-        )
+        half = max(sum(lane.width_at(0.0) for lane in side) for side in (section.left, section.right))
+        line = shapely.LineString(sampled(road.path, 6.0))
+        shapes.append(shapely.buffer(line, half + abs(section.offset[0][1][0]) + 2.5))
     return shapely.union_all(shapes)
 
 
@@ -117,11 +111,7 @@ def _default_zone(features: Features, network: RoadNetwork) -> str:
     houses = features.of("building")
     points = np.array([(p.x, p.y) for road in network.roads for p in (road.path.start, road.path.end)])
     near = shapely.buffer(shapely.MultiPoint(points), 60.0)
-    share = _area(houses) / max(near.area, 1.0)
+    share = sum(house.shape.area for house in houses) / max(near.area, 1.0)
     if share > DENSE:
         return "downtown"
     return "small_town" if share > 0.06 else "rural"
-
-
-def _area(features: Sequence[Feature]) -> float:
-    return float(sum(feature.shape.area for feature in features))

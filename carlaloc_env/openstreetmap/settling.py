@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
 import shapely
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.openstreetmap.clusters import Cluster, find_clusters
 from carlaloc_env.openstreetmap.road_graph import Chain
 from carlaloc_env.openstreetmap.road_network import Heights, Memo, RoadNetwork, Turn, build_network
+from carlaloc_env.openstreetmap.turning_places import parts
 
 ROUNDS = 8
 """How often legs are moved away from junctions at most."""
@@ -62,6 +60,7 @@ def settle(
         if not lost:
             heights = heights_of(kept, clusters)
             network = build_network(kept, clusters, heights, banned, solid, memo, needed, yellow=yellow)
+            network.missed = heights.missed
             return network, kept, dropped
         # Turns that were left out may be those that lead on.
         ways_on = {t.turn for t in network.tight if not t.built and {t.source.chain, t.target.chain} & lost}
@@ -78,7 +77,7 @@ def settle(
 def unreachable(network: RoadNetwork) -> set[int]:
     """Chains with a direction from which not all others can be reached, or which cannot be reached."""
     edges: list[tuple[tuple[int, bool], tuple[int, bool]]] = []
-    places: dict[tuple[int, bool], int] = {}
+    places: set[tuple[int, bool]] = set()
     for junction in network.junctions:
         ends = junction.cluster.ends
         for i, j in {(m.source, m.target) for m in junction.movements}:
@@ -86,16 +85,14 @@ def unreachable(network: RoadNetwork) -> set[int]:
         for end in ends:
             for ahead, goes in ((end.side == 1, end.enters), (end.side == 0, end.leaves)):
                 if goes:
-                    places.setdefault((end.chain, ahead), len(places))
+                    places.add((end.chain, ahead))
     sources, targets = {a for a, _ in edges}, {b for _, b in edges}
     stuck = {place[0] for place in places if place not in sources or place not in targets}
     if stuck:
         return stuck
-    rows, columns = np.array([[places[a], places[b]] for a, b in edges]).T
-    graph = coo_matrix((np.ones(len(edges)), (rows, columns)), shape=(len(places),) * 2)
-    _, part = connected_components(graph, connection="strong")
+    part = parts(edges, "strong")
     length: Counter[int] = Counter()
-    for (chain, _), place in places.items():
-        length[int(part[place])] += round(network.of_chain[chain].length)
+    for (chain, _), k in part.items():
+        length[k] += round(network.of_chain[chain].length)
     best = max(length, key=lambda k: (length[k], -k))
-    return {chain for (chain, _), place in places.items() if part[place] != best}
+    return {chain for (chain, _), k in part.items() if k != best}

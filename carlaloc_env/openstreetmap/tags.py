@@ -205,20 +205,22 @@ def _walks(tags: Tags, kind: str, limit_kmh: float, in_town: bool) -> tuple[tupl
     sides = [tags.get("sidewalk:left"), tags.get("sidewalk:right")]
     if both is None and any(sides):
         both = (sides[0] in ("yes", "separate"), sides[1] in ("yes", "separate"))
-    if both is None:
-        fast = kind.startswith(("motorway", "trunk")) or limit_kmh > 65.0
-        both = (in_town and not fast,) * 2
-        return (width * both[0], width * both[1]), False
-    return (width * both[0], width * both[1]), True
+    fast = kind.startswith(("motorway", "trunk")) or limit_kmh > 65.0
+    left, right = both or (in_town and not fast,) * 2
+    return (width * left, width * right), both is not None
+
+
+def layer(tags: Tags) -> int:
+    """The tagged layer, −5 to 5; 0 where there is none."""
+    text = tags.get("layer") or ""
+    value = number(text.lstrip("-")) or 0.0
+    return 0 if value > 5 else int(value) * (-1 if text.startswith("-") else 1)
 
 
 def _level(tags: Tags) -> int:
     if tags.get("tunnel") == "building_passage":
         return 0
-    value = number((tags.get("layer") or "").lstrip("-"))
-    level = int(value) if value is not None and value <= 5 else 0
-    if (tags.get("layer") or "").startswith("-"):
-        level = -level
+    level = layer(tags)
     bridge = tags.get("bridge", "no") not in ("no", "boardwalk")
     tunnel = tags.get("tunnel", "no") not in ("no", "culvert")
     if bridge and level <= 0:

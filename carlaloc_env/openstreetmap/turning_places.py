@@ -7,7 +7,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import shapely
@@ -44,6 +44,7 @@ PLACE_NAME = "Turning place"
 """Name of their streets."""
 _KEPT_TAGS = ("highway", "surface")
 
+Node = TypeVar("Node", int, tuple[int, bool])
 Segment = tuple[int, int, Way]
 Point = tuple[float, float]
 
@@ -71,7 +72,7 @@ def directed(segments: Iterable[Segment]) -> list[tuple[int, int]]:
     return [(u, v) for u, v, _ in edges] + [(v, u) for u, v, oneway in edges if oneway == 0]
 
 
-def parts(edges: Sequence[tuple[int, int]], connection: Literal["weak", "strong"]) -> dict[int, int]:
+def parts(edges: Sequence[tuple[Node, Node]], connection: Literal["weak", "strong"]) -> dict[Node, int]:
     """Number of the part to which each node belongs; connection is `weak` or `strong`."""
     number = {node: k for k, node in enumerate(sorted({node for edge in edges for node in edge}))}
     rows, columns = np.array([[number[a], number[b]] for a, b in edges]).T

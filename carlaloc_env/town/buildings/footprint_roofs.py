@@ -93,15 +93,8 @@ def _flat(shell: Shell, outline: Area, z: float) -> None:
     top = z + PARAPET_M
     add_level(shell, inner, z, Material.ROOF_FLAT, (190, 188, 185))
     add_level(shell, shapely.difference(outline, inner), top, shell.look.material, shell.look.tint)
-    for part in polygons_of(shapely.orient_polygons(inner)):
-        for ring in (part.exterior, *part.interiors):
-            line = shapely.get_coordinates(ring)
-            a, b = line[1:], line[:-1]
-            shell.wall(upright(a, b, z, top))
-    for part in polygons_of(shapely.orient_polygons(outline)):
-        for ring in (part.exterior, *part.interiors):
-            line = shapely.get_coordinates(ring)
-            shell.wall(upright(line[:-1], line[1:], z, top))
+    for line in [*(ring[::-1] for ring in rings(inner)), *rings(outline)]:
+        shell.wall(upright(line[:-1], line[1:], z, top))
 
 
 def _rising(shell: Shell, outline: Area, z: float, rise_m: float, *, curved: bool) -> None:
@@ -135,6 +128,15 @@ def _ring(shell: Shell, low: Area, high: Area, z_low: float, z_high: float) -> N
     points = np.column_stack([flat, np.where(inner, z_high, z_low)])
     material, tint = shell.look.roof
     _add(shell, points, material, tint)
+
+
+def rings(area: Area) -> list[Array]:
+    """Closed lines (N, 2) with the area on their left."""
+    return [
+        shapely.get_coordinates(ring)
+        for part in polygons_of(shapely.orient_polygons(area))
+        for ring in (part.exterior, *part.interiors)
+    ]
 
 
 def add_level(

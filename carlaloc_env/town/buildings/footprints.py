@@ -19,6 +19,7 @@ from carlaloc_env.town.buildings.footprint_roofs import (
     PARAPET_M,
     add_footprint_roof,
     add_level,
+    rings,
     roof_rise,
     upright,
 )
@@ -139,7 +140,7 @@ class Houses:
         for house in self.all:
             for outline, low, high in _masses(house):
                 foot = house.base_m + (low if low > 0.0 else -1.0)
-                for line in _rings(outline):
+                for line in rings(outline):
                     faces.append(upright(line[:-1], line[1:], foot, house.base_m + high))
         return np.concatenate(faces)
 
@@ -175,7 +176,7 @@ class Houses:
         roof = _roof(feature, style, outline)
         height = max(feature.number("height_m", 4.0), 2.2)
         rise = min(roof_rise(outline, roof, feature.number("roof_m", 0.0)), 0.6 * height)
-        corners = np.concatenate(list(_rings(whole)))
+        corners = np.concatenate(list(rings(whole)))
         self.all.append(
             House(
                 name=f"house/{feature.id}", ground=stands, whole=whole, look=look,
@@ -191,7 +192,7 @@ class Houses:
         for outline, low, high in _masses(house):
             levels = house.levels_m[(house.levels_m > low + 0.5) & (house.levels_m < high - 0.5)]
             levels = np.concatenate([[low], levels, [high]])
-            for line in _rings(outline):
+            for line in rings(outline):
                 for a, b in itertools.pairwise(line):
                     self._wall(shell, number, a, b, levels, draw)
                 if low == 0.0:
@@ -250,15 +251,6 @@ def _masses(house: House) -> list[tuple[Area, float, float]]:
     if house.open_m:
         return [(house.ground, 0.0, house.open_m), (house.whole, house.open_m, top)]
     return [(house.whole, house.low_m, top)]
-
-
-def _rings(area: Area) -> list[Array]:
-    """Closed lines (N, 2) with the area on their left."""
-    return [
-        shapely.get_coordinates(ring)
-        for part in polygons_of(shapely.orient_polygons(area))
-        for ring in (part.exterior, *part.interiors)
-    ]
 
 
 def _plain(shell: Shell, wall: Wall, levels: Array, draw: np.random.Generator) -> None:
