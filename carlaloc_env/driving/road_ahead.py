@@ -31,6 +31,8 @@ _SLOWEST_MPS = 0.7
 """Slower vehicles stand [m/s]."""
 _ONCOMING_RAD = 2.2
 """Vehicles that meet the route at a greater angle are oncoming [rad]."""
+_SLOW_MPS, _FASTER_MPS, _ASIDE_RAD = 4.0, 5.0, 0.6
+"""A slower ego [m/s] waits for vehicles that merge so much faster [m/s], from such an angle or more [rad]."""
 _SIDE_M = 0.35
 """Room beside both vehicles [m]."""
 _LEADER_SIDE_M = 0.25
@@ -86,7 +88,12 @@ def crossing_traffic(
     if not meets.any():
         return None
     first = np.unravel_index(int(np.argmin(np.where(meets, gap, np.inf))), gap.shape)
-    speed = float(actors.speed_mps[index[first[0]]]) * float(cos[first])
+    other = index[first[0]]
+    speed = float(actors.speed_mps[other]) * float(cos[first])
+    aside = abs(float(wrap_angle(actors.heading_rad[other] - path.heading_rad[0]))) > _ASIDE_RAD
+    if aside and speed_mps < _SLOW_MPS and speed > speed_mps + _FASTER_MPS:
+        # It would run into an ego that starts before it: the ego waits where they meet.
+        speed = 0.0
     return float(gap[first]), max(speed, 0.0)
 
 

@@ -44,6 +44,19 @@ def test_a_car_that_merges_brings_its_speed() -> None:
 
 
 @pytest.mark.parametrize(
+    ("ego_mps", "speed_mps", "waits"), [(1.5, 12.0, True), (1.5, 6.0, False), (6.0, 12.0, False)]
+)
+def test_an_ego_that_starts_waits_for_a_faster_stream(ego_mps: float, speed_mps: float, waits: bool) -> None:
+    """A left turn into a street on which a car comes from the left; an ego at its speed would merge."""
+    route = route_of([(20.0, 0.0), (12.0 * math.pi / 2, 1.0 / 12.0), (60.0, 0.0)], 8.0)
+    found = crossing_traffic(
+        route, 20.0, ego_mps, *car(32.0, -2.5 * speed_mps + 12.0, math.pi / 2, speed_mps)
+    )
+    assert found is not None
+    assert (found[1] == 0.0) == waits
+
+
+@pytest.mark.parametrize(
     ("x_m", "y_m", "heading_rad", "speed_mps", "z_m"),
     [
         (50.0, 3.5, math.pi, 13.0, 0.0),
