@@ -76,10 +76,8 @@ def _tangents(points: Sequence[tuple[float, float]], least_radius_m: float) -> t
     headings, worst, gap = _headings(points), None, 0.0
     tangents = []
     lengths = [math.dist(a, b) for a, b in itertools.pairwise(points)]
-    need = [0.0] * (len(points) - 2)
     turns = [abs(wrap(b - a)) for a, b in itertools.pairwise(headings)]
-    for i, turn in enumerate(turns):
-        need[i] = least_radius_m / CURVED * math.tan(min(turn, 3.0) / 2)
+    need = [least_radius_m / CURVED * math.tan(min(turn, 3.0) / 2) for turn in turns]
     for i, turn in enumerate(turns):
         before = lengths[i] - 0.5 if i == 0 else _share(lengths[i], need[i], need[i - 1])
         after = lengths[i + 1] - 0.5 if i + 1 == len(turns) else _share(lengths[i + 1], need[i], need[i + 1])
@@ -97,8 +95,6 @@ def _tangents(points: Sequence[tuple[float, float]], least_radius_m: float) -> t
 
 def _share(length: float, own: float, other: float) -> float:
     """Part of a straight between two corners that one of them may take [m]."""
-    if own + other <= 1e-9:
-        return length / 2
     half = length / 2
     if own <= half and other <= half:
         return half

@@ -203,8 +203,9 @@ def restrictions(extract: Extract) -> dict[tuple[int, int], frozenset[int]]:
 def _beside(features: Features, network: RoadNetwork) -> list[Feature]:
     """Things in reach of the roads, areas cut to it."""
     points = [road.path.at(road.length * k / 4) for road in network.roads for k in range(5)]
-    xs, ys = [p.x for p in points], [p.y for p in points]
-    reach = shapely.box(min(xs) - 120, min(ys) - 120, max(xs) + 120, max(ys) + 120)
+    reach = shapely.buffer(
+        shapely.MultiPoint([(p.x, p.y) for p in points]).envelope, 120.0, join_style="mitre"
+    )
     shapely.prepare(reach)
     kept = []
     for feature in features.all:

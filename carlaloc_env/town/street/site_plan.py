@@ -323,19 +323,17 @@ def place_plots(
     reserved = shapely.union_all([_cuts(work), *(site.ground for site in features)])
     edges = road_edges(work.strips, work.roads, work.levels)
     ways = Waysides(edges=edges, zones=work.zones, ground=work.ground, seed=seed)
-    parks = feature_car_parks(config.features)
-    if mapped is not None:
-        reserved = shapely.union_all([reserved, paved_grounds(mapped), *(park.area() for park in parks)])
+    parks, houses, areas = feature_car_parks(config.features), None, work.areas
+    if mapped is None:
+        parks += place_car_parks(ways, shapely.union(areas.paved, reserved))
+    else:
+        reserved = shapely.union(reserved, paved_grounds(mapped))
         outlines = of_kind(mapped, "building", "part")
-        areas = work.areas
         houses = Houses(outlines, work.zones, areas.roadway, areas.paved, work.ground, seed)
-        return Plots(
-            features=features, waysides=ways, car_parks=parks, reserved=reserved, lots=[], bases_m=[],
-            mapped=mapped, houses=houses,
-        )  # fmt: skip
-    parks += place_car_parks(ways, shapely.union(work.areas.paved, reserved))
     reserved = shapely.union_all([reserved, *(park.area() for park in parks)])
-    lots = place_lots(work.strips, shapely.union(work.areas.paved, reserved), work.zones, seed)
+    lots = []
+    if mapped is None:
+        lots = place_lots(work.strips, shapely.union(areas.paved, reserved), work.zones, seed)
     return Plots(
         features=features,
         waysides=ways,
@@ -343,6 +341,8 @@ def place_plots(
         reserved=reserved,
         lots=lots,
         bases_m=_base_heights(lots, work.ground),
+        mapped=mapped,
+        houses=houses,
     )
 
 
