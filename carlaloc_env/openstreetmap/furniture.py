@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from carlaloc_env.authoring.elements.junction_furniture import (
     STOP,
@@ -48,7 +46,7 @@ def furnish(
         if len(junction.legs) > 1:
             _furnish(junction, network, chains, signs, painted)
     for k, part in network.of_chain.items():
-        for s, node in _stations(chains[k]):
+        for s, node in zip(chains[k].stations_m.tolist(), chains[k].nodes, strict=True):
             at = (s - chains[k].length_m / 2) * 0.96 + part.length / 2
             if "crossing" in signs.get(node, "") and node not in painted and 6.0 < at < part.length - 6.0:
                 paint_crosswalk(leg_of(part, "start"), network.numbers, at)
@@ -56,17 +54,13 @@ def furnish(
             speed_signs(part, network.numbers, 12.0)
 
 
-def _stations(chain: Chain) -> Iterator[tuple[float, int]]:
-    steps = np.append(0.0, np.cumsum(np.hypot(*np.diff(chain.line, axis=0).T)))
-    yield from zip(steps.tolist(), chain.nodes, strict=True)
-
-
 def _near(end: End, chains: Sequence[Chain], reach_m: float) -> list[int]:
     """Nodes of a leg up to a distance beyond its end, at most up to its middle."""
     chain = chains[end.chain]
     limit = min(end.setback_m + reach_m, max(0.5 * chain.length_m, end.setback_m))
-    length = chain.length_m
-    return [node for s, node in _stations(chain) if (s if end.side == 0 else length - s) <= limit]
+    s = chain.stations_m
+    far = s if end.side == 0 else chain.length_m - s
+    return [node for node, near in zip(chain.nodes, far <= limit, strict=True) if near]
 
 
 def _furnish(

@@ -119,8 +119,7 @@ def _points(shape: shapely.Geometry) -> list[tuple[float, float]]:
 
 def _level_at(chain: Chain, line: shapely.LineString, x: float, y: float) -> int:
     at = shapely.line_locate_point(line, shapely.Point(x, y))
-    steps = np.append(0.0, np.cumsum(np.hypot(*np.diff(chain.line, axis=0).T)))
-    k = int(np.searchsorted(steps, at, side="right")) - 1
+    k = int(np.searchsorted(chain.stations_m, at, side="right")) - 1
     return next(
         (p.street.level for p in chain.pieces if p.first <= k < p.last), chain.pieces[-1].street.level
     )

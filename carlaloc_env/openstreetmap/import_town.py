@@ -158,9 +158,8 @@ def _narrow(chains: Sequence[Chain], solid: Sequence[Any]) -> None:
             rays = shapely.linestrings(np.stack([xy, xy + sign * 12.0 * normal], axis=1))
             room = np.full(len(steps), 12.0)
             hits, houses = tree.query(rays, predicate="intersects")
-            for ray, house in zip(hits, houses, strict=True):
-                cut = shapely.intersection(rays[ray], solid[house])
-                room[ray] = min(room[ray], float(shapely.distance(points[ray], cut)))
+            cuts = shapely.intersection(rays[hits], tree.geometries[houses])
+            np.minimum.at(room, hits, shapely.distance(points[hits], cuts))
             free.append(room)
         # A street under a house is a passage: it keeps its width, and the house gets a gate.
         open_ = (free[0] > 1.2) & (free[1] > 1.2)

@@ -32,6 +32,11 @@ PART_M = 30.0
 """Parts of a street with other numbers of lanes that are shorter are built like their neighbours [m]."""
 
 
+def stations_m(line: Array) -> Array:
+    """Distance of every point of a line (N, 2) from the first one [m], (N,)."""
+    return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+
+
 @dataclass(slots=True)
 class Piece:
     """Part of a chain that is one way: from one of the chain's nodes to a later one."""
@@ -57,6 +62,11 @@ class Chain:
         return self.pieces[0].street.oneway
 
     @property
+    def stations_m(self) -> Array:
+        """Distance of every node from the first one [m], (N,)."""
+        return stations_m(self.line)
+
+    @property
     def length_m(self) -> float:
         """Length of the line [m]."""
         return float(np.hypot(*np.diff(self.line, axis=0).T).sum())
@@ -64,8 +74,8 @@ class Chain:
     @property
     def street(self) -> Street:
         """The street of its longest part."""
-        steps = np.hypot(*np.diff(self.line, axis=0).T)
-        return max(self.pieces, key=lambda p: float(steps[p.first : p.last].sum())).street
+        s = self.stations_m
+        return max(self.pieces, key=lambda p: float(s[p.last] - s[p.first])).street
 
 
 @dataclass(slots=True)
@@ -209,7 +219,7 @@ def _chains(segments: Sequence[Segment], extract: Extract, street_of: Callable[[
 
 def _by_lanes(chain: Chain) -> list[Chain]:
     """The chain, cut where the number of lanes changes between two parts that are both long enough."""
-    steps = np.append(0.0, np.cumsum(np.hypot(*np.diff(chain.line, axis=0).T)))
+    steps = chain.stations_m
     groups: list[tuple[int, int, tuple[int, int]]] = []
     for piece in chain.pieces:
         if groups and groups[-1][2] == piece.street.lanes:
