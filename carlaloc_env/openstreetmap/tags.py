@@ -17,6 +17,8 @@ CLASSES: dict[str, tuple[int, float]] = {
 """Rank of every class of street that cars use, and width of its lanes where no tag says it [m]."""
 LANE_M = (2.6, 3.75)
 """Narrowest and widest lane that is built [m]; at 2.3 m cars that meet graze each other."""
+ALONE_M = 3.5
+"""Width of a one-way street's only lane, between two kerbs, where no tag says it [m]; at least."""
 MOST_LANES = 6
 """Most lanes of one direction."""
 _MPH, _KNOT = 1.609344, 1.852
@@ -102,6 +104,7 @@ def read_street(way: Way, country: Country, in_town: bool, *, left: bool) -> Str
         lane_m = width / sum(lanes)
     else:
         guesses.append("width")
+        lane_m = max(lane_m, ALONE_M) if lanes == (1, 0) else lane_m
     limit = _limit(tags.get("maxspeed") or tags.get("maxspeed:forward"), country)
     if limit is None:
         guesses.append("maxspeed")

@@ -34,6 +34,13 @@ def test_lanes(tags: dict[str, str], lanes: tuple[int, int]) -> None:
     assert street(**tags).lanes == lanes
 
 
+def test_a_lane_between_two_kerbs_is_wider() -> None:
+    """Where no tag says it: a car that keeps its lane keeps off both kerbs."""
+    assert street(oneway="yes").lane_m == 3.5
+    assert street(oneway="yes", width="3").lane_m == street(oneway="yes", lanes="2").lane_m == 3.0
+    assert street(oneway="yes", highway="motorway", lanes="1").lane_m == 3.75
+
+
 @pytest.mark.parametrize(
     ("tags", "kmh"),
     [
