@@ -37,6 +37,8 @@ _SIDE_M = 0.35
 """Room beside both vehicles [m]."""
 _LEADER_SIDE_M = 0.25
 """Room beside the ego within which a vehicle ahead is in its path [m]."""
+_DEEPER_M = 0.05
+"""How much farther the ego would drive into a vehicle within a metre that is in its way already [m]."""
 _CLEAR_BEFORE_S = 1.6
 """A vehicle counts when the ego arrives so much before it at most [s]."""
 _CLEAR_AFTER_S = 2.4
@@ -151,6 +153,9 @@ def standing_gap_m(path: RoutePose, ahead_m: Array, actors: ActorFrame, catalog:
     )
     apart = np.where(np.abs(delta[..., 2]) < 3.0, apart, reach_m)
     meets = apart <= 0.0
+    # Vehicles beside the ego are passed, those into which it would drive farther are not.
+    if (meets[:, 0] & (apart[:, 1:2].min(axis=1, initial=np.inf) < apart[:, 0] - _DEEPER_M)).any():
+        return 0.0
     row = np.argmax(meets & ~meets[:, :1], axis=1)
     found = np.flatnonzero(row)
     if len(found) == 0:

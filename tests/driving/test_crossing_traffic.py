@@ -124,3 +124,9 @@ def test_the_front_swings_out_in_a_bend(room_m: float, hits: bool) -> None:
     )
     assert (radius + 0.925 + room_m < math.hypot(radius + 0.925 + 0.25, FRONT_M)) == hits
     assert math.isfinite(found) == hits
+
+
+def test_a_car_too_near_beside_the_ego_is_still_in_its_way() -> None:
+    """Askew, 0.1 m from its side, it would be hit at once; along the road it is passed."""
+    assert gap_to(eastward(), 26.0, car(31.0, 1.6, -0.3, 0.0)) == 0.0
+    assert math.isinf(gap_to(eastward(), 26.0, car(27.0, 1.925, 0.0, 0.0)))
