@@ -388,11 +388,8 @@ def _connect(
     movement: Movement, part: JunctionPart, legs: Sequence[Leg], path: Path, numbers: Numbers, plane: Plane
 ) -> RoadPart:
     source, target = legs[movement.source], legs[movement.target]
-    angles = {
-        j: turn_angle(source, other)
-        for j, other in enumerate(legs)
-        if j != movement.source and other.outgoing
-    }
+    # A street that only leads in counts, too: no sidewalk goes across its mouth.
+    angles = {j: turn_angle(source, other) for j, other in enumerate(legs) if j != movement.source}
     outermost = movement.target == (min(angles, key=lambda j: angles[j]) if angles else movement.source)
     road = connect(
         part, source, target, movement.lanes, numbers, plane,

@@ -54,16 +54,21 @@ def check_lanes(network: LaneNetwork) -> None:
     assert all(any(n in index for n in lane.successors) for lane in driving)
 
 
+def middles(network: LaneNetwork, kind: str) -> np.ndarray:
+    """Points on the middles of all lanes of a type, (N, 2)."""
+    tables = network.tables
+    rows = [
+        np.arange(tables.count[lane.index]) + tables.first[lane.index]
+        for lane in network.lanes
+        if lane.type == kind
+    ]
+    points: np.ndarray = tables.position_m[np.concatenate(rows), :2]
+    return points
+
+
 def covered(network: LaneNetwork, points: np.ndarray) -> float:
     """Share of points (N, 2) within 2 m of a driving lane's middle."""
-    tables = network.tables
-    driven = np.concatenate(
-        [
-            tables.position_m[int(tables.first[k.index]) :][: int(tables.count[k.index]), :2]
-            for k in network.lanes
-            if k.type == "driving"
-        ]
-    )
+    driven = middles(network, "driving")
     return float(np.mean([np.hypot(*(driven - p).T).min() < 2.5 for p in points]))
 
 
@@ -199,6 +204,17 @@ def test_a_turn_that_is_not_allowed_has_no_lane(tmp_path: Path) -> None:
         return sum(lane.type == "driving" for lane in network.lanes)
 
     assert turns(False) - turns(True) == 1
+
+
+def test_no_sidewalk_crosses_the_mouth_of_a_street_that_leads_in(tmp_path: Path) -> None:
+    """Walkers stay on sidewalks, so that one across a lane puts them before the cars."""
+    sketch = Sketch()
+    sketch.way((-250, 0), (0, 0), (250, 0), (250, 200), highway="residential", sidewalk="both")
+    sketch.way((250, 200), (60, 200), (-250, 200), highway="residential", sidewalk="both")
+    sketch.way((60, 200), (40, 60), (0, 0), highway="residential", sidewalk="both", oneway="yes")
+    _, network = made(sketch, tmp_path)
+    apart = middles(network, "sidewalk")[:, None] - middles(network, "driving")
+    assert np.hypot(apart[..., 0], apart[..., 1]).min() > 1.5
 
 
 def test_the_same_file_gives_the_same_bytes(tmp_path: Path) -> None:
