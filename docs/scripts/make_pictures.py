@@ -1,10 +1,6 @@
-"""Draw docs/pictures/sensors.jpg, the README's picture, from a drive: `python docs/scripts/make_pictures.py`.
-
-Without an episode it records one first, two minutes of the scripted driver in Town03.
-"""
+"""Draw docs/pictures/sensors.jpg, the README's picture: `python docs/scripts/make_pictures.py [DRIVE]`."""
 
 import argparse
-import tempfile
 from pathlib import Path
 
 import cv2
@@ -15,7 +11,7 @@ from carlaloc_env.core.transforms import quat_conjugate, quat_rotate
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.drive.record import RecordConfig, record
+from recorder.demo.story import DRIVE
 from recorder.episode.episode import Episode
 from recorder.episode.messages import actor_states
 from recorder.report.mosaic import pictures_of_instant, rows_of_three
@@ -35,7 +31,7 @@ def draw(episode: Episode, at_s: float, quality: str) -> NDArray[np.uint8]:
 
 
 def busiest_s(episode: Episode) -> float:
-    """Second of the drive in which most others stand or move within 40 m before the moving car [s]."""
+    """Second in which most others are within 40 m before the moving car, and none close to it [s]."""
     ego, others = episode.ego[:-200:200], actor_states(episode.steps).position_m
     others = others[: 20 * len(ego) : 20]
     ego = ego[: len(others)]
@@ -43,17 +39,15 @@ def busiest_s(episode: Episode) -> float:
         quat_conjugate(ego["quat_xyzw"])[:, None], others.astype(np.float64) - ego["position_m"][:, None]
     )
     seen = (ahead[..., 0] > 5) & (ahead[..., 0] < 40) & (np.abs(ahead[..., 1]) < ahead[..., 0])
-    return float(np.argmax(seen.sum(axis=1) + 100 * (ego["speed_mps"] > 3.0)))
+    hidden = ((np.abs(ahead[..., 0]) < 15) & (np.abs(ahead[..., 1]) < 6)).any(axis=1)
+    return float(np.argmax(seen.sum(axis=1) + 100 * ((ego["speed_mps"] > 3.0) & ~hidden)))
 
 
-def main(drive: Path | None, at_s: float | None, quality: str, out: Path = PICTURE) -> Path:
+def main(drive: Path, at_s: float | None, quality: str, out: Path = PICTURE) -> Path:
     """Draw the picture, as good as 600 kB allow."""
-    with tempfile.TemporaryDirectory() as folder:
-        if drive is None:
-            drive = record(RecordConfig(out=Path(folder) / "drive.mcap", duration_s=120.0, seed=3)).path
-        episode = Episode.load(drive)
-        at_s = busiest_s(episode) if at_s is None else at_s
-        picture = cv2.cvtColor(draw(episode, at_s, quality), cv2.COLOR_RGB2BGR)
+    episode = Episode.load(drive)
+    at_s = busiest_s(episode) if at_s is None else at_s
+    picture = cv2.cvtColor(draw(episode, at_s, quality), cv2.COLOR_RGB2BGR)
     out.parent.mkdir(parents=True, exist_ok=True)
     for percent in range(92, 20, -4):
         cv2.imwrite(str(out), picture, [cv2.IMWRITE_JPEG_QUALITY, percent])
@@ -66,7 +60,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("episode", type=Path, nargs="?", help="a recorded drive (.mcap)")
+    parser.add_argument("episode", type=Path, nargs="?", default=DRIVE, help="else that of the demo (.mcap)")
     parser.add_argument("--at", type=float, help="instant to draw [s]; else the busiest")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     arguments = parser.parse_args()
