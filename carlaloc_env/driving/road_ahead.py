@@ -35,6 +35,8 @@ _SLOW_MPS, _FASTER_MPS, _ASIDE_RAD = 4.0, 5.0, 0.6
 """A slower ego [m/s] waits for vehicles that merge so much faster [m/s], from such an angle or more [rad]."""
 _SIDE_M = 0.35
 """Room beside both vehicles [m]."""
+_TIGHT_MPS = 6.0
+"""Bends in which the front swings out by decimetres are driven more slowly [m/s]."""
 _LEADER_SIDE_M = 0.25
 """Room beside the ego within which a vehicle ahead is in its path [m]."""
 _DEEPER_M = 0.05
@@ -282,7 +284,7 @@ class RoadAhead:
             ahead = ahead[s + ahead <= route.length_m]
         path = route.at(s + ahead)
         gap, leader_speed = self._leader(path, ahead, actors, catalog)
-        standing = standing_gap_m(path, ahead, actors, catalog)
+        standing = standing_gap_m(path, ahead, actors, catalog) if speed_mps < _TIGHT_MPS else np.inf
         # A leader's own gap is exact to a sample.
         if standing < (np.inf if gap is None else gap - _SAMPLE_M):
             gap, leader_speed = standing, 0.0
