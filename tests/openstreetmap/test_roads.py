@@ -78,12 +78,8 @@ def test_a_village(tmp_path: Path) -> None:
     assert len(network.signals) >= 4
     limits = {round(lane.speed_limit_mps * 3.6) for lane in network.lanes if lane.type == "driving"}
     assert limits == {50, 100}, "the lane out of the village has the country's limit"
-    assert covered(network, np.column_stack([np.arange(-190, 80, 5.0), np.zeros(54)]) - offset(town)) > 0.95
-
-
-def offset(town: ImportedTown) -> np.ndarray:
-    """Where the sketch's origin lies away from the town's: its streets' middle [m]."""
-    return np.array([10.0, 15.0])
+    # A town's origin is the middle of its streets.
+    assert covered(network, np.column_stack([np.arange(-190, 80, 5.0), np.zeros(54)]) - (10.0, 15.0)) > 0.95
 
 
 def test_left_hand_traffic_mirrors_the_lanes(tmp_path: Path) -> None:
@@ -239,4 +235,6 @@ def test_acute_legs(angle_deg: float, tmp_path: Path) -> None:
     sketch.way((-250, 0), (0, 0), (250, 0), highway="secondary")
     x, y = 240 * np.cos(np.radians(angle_deg)), 240 * np.sin(np.radians(angle_deg))
     sketch.way((0, 0), (round(float(x), 2), round(float(y), 2)), highway="residential")
-    made(sketch, tmp_path)
+    _, network = made(sketch, tmp_path)
+    beyond_the_fork = np.linspace(0.5, 0.95, 40)[:, None] * (x, y)
+    assert covered(network, beyond_the_fork - (0.0, y / 2)) == 1.0
