@@ -1,6 +1,7 @@
 """The state vector and the bird's-eye view against geometry done another way."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -216,21 +217,24 @@ def test_what_lies_off_the_picture_from_above_is_not_drawn(
     env: CarlaLocEnv, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Pieces of lanes and road users beyond its edges are left out, and every byte stays."""
-    view, asked = BirdsEyeView(env.world.town.network), [0, 0]
+    view, seen, drawn = BirdsEyeView(env.world.town.network), agent_views._seen, [0, 0]
 
-    def counting(polygons: np.ndarray) -> np.ndarray:
-        found = touching(polygons)
-        asked[0], asked[1] = asked[0] + len(polygons), asked[1] + len(found)
-        return found
+    def all_near(place: Any, middles_m: np.ndarray, corners_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        away = np.abs(middles_m - np.array(place[:3]))
+        rows = np.flatnonzero((away < [60.0, 60.0, 4.0]).all(axis=1))
+        dx, dy = np.moveaxis(corners_m[rows].astype(np.float64) - place[:2], -1, 0)
+        ahead, left = place.cos * dx + place.sin * dy, place.cos * dy - place.sin * dx
+        pixels = np.stack([SIZE_PX / 2 - left / PX_M, (AHEAD_M - ahead) / PX_M], axis=-1) - 0.5
+        drawn[0], drawn[1] = drawn[0] + len(rows), drawn[1] + len(seen(place, middles_m, corners_m)[1])
+        return np.rint(16.0 * pixels).astype(np.int32), rows
 
-    touching = agent_views._touching
     for seed in range(6):
         env.reset(seed=seed, options={"start": "anywhere"})
-        monkeypatch.setattr(agent_views, "_touching", counting)
         few = view.draw(env.world)
-        monkeypatch.setattr(agent_views, "_touching", lambda polygons: polygons)
-        np.testing.assert_array_equal(few, view.draw(env.world))
-    assert asked[1] < 0.5 * asked[0]
+        with monkeypatch.context() as patched:
+            patched.setattr(agent_views, "_seen", all_near)
+            np.testing.assert_array_equal(few, view.draw(env.world))
+    assert 0 < drawn[1] < 0.5 * drawn[0]
 
 
 def test_road_users_from_above_stand_where_the_vector_says(env: CarlaLocEnv) -> None:

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import cv2
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.envs.base_env import Observer
 from carlaloc_env.envs.task.state_vector import StateVector, state_space
 from carlaloc_env.envs.task.task_world import TaskWorld
@@ -61,92 +62,135 @@ class BirdsEyeView:
 
     def __init__(self, network: LaneNetwork) -> None:
         """Cut the driving lanes into pieces of four metres."""
-        self._corners_m, self._middle_m = _pieces(network)
+        self._pieces = _pieces(network)
 
     def draw(self, world: TaskWorld) -> NDArray[np.uint8]:
         """The picture now, uint8, shape (96, 96, 5); channels are named in `CHANNELS`."""
         state = world.state
-        place = _Place(state.position_m, state.heading_rad)
+        x, y, z = state.position_m.tolist()
+        place = _Place(x, y, z, float(np.cos(state.heading_rad)), float(np.sin(state.heading_rad)))
         out = np.zeros((len(CHANNELS), SIZE_PX, SIZE_PX), np.uint8)
-        near = place.near(self._middle_m)
-        corners = _touching(place.pixels(self._corners_m[near]))
+        corners, _ = _seen(place, *self._pieces)
         _fill(out[0], corners, 255)
-        for side in (corners[:, :2], corners[:, 2:]):
-            _line(out[1], side, 1)
+        # The left side of each piece, and its right side.
+        _line(out[1], corners.reshape(-1, 2, 2), 1)
         self._route(world, place, out[2])
         self._actors(world, place, out[3])
         self._lights(world, place, out[4])
-        return np.ascontiguousarray(np.moveaxis(out, 0, -1))
+        picture = np.empty((SIZE_PX, SIZE_PX, len(CHANNELS)), np.uint8)
+        cv2.merge(list(out), picture)
+        return picture
 
     def _route(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
         route = world.route
         rows = np.arange(0, int(_REACH_M / route.step_m), 4) + route.row_at(world.route_s_m)
         rows = rows % len(route.position_m) if route.closed else rows[rows < len(route.position_m)]
         if len(rows) > 1:
-            _line(out, place.pixels(route.position_m[None, rows, :2]), round(2.0 / PX_M))
+            _line(out, _pixels(place, route.position_m[None, rows]), round(2.0 / PX_M))
 
     def _actors(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
         frame, catalog = world.actors(), world.timeline.catalog
-        near = place.near(frame.position_m.astype(np.float64))
-        if not len(near):
-            return
-        c, s = np.cos(frame.heading_rad[near]), np.sin(frame.heading_rad[near])
-        half = 0.5 * catalog.size_m[near, :2]
-        along = np.stack([c, s], axis=-1) * half[:, :1]
-        across = np.stack([-s, c], axis=-1) * half[:, 1:]
-        centre = frame.position_m[near, :2]
-        boxes = np.stack([centre + a * along + b * across for a, b in _BOX], axis=1)
-        on_foot = catalog.tag[near] == Tag.PEDESTRIAN
+        boxes_m, turn = np.empty((len(frame), 4, 2), np.float32), frame.heading_rad
+        _put_boxes(frame.position_m, np.cos(turn), np.sin(turn), catalog.size_m, boxes_m)
+        boxes, rows = _seen(place, frame.position_m, boxes_m)
+        on_foot = catalog.tag[rows] == Tag.PEDESTRIAN
         for which, value in ((on_foot, WALKER), (~on_foot, VEHICLE)):
-            _fill(out, _touching(place.pixels(boxes[which])), value)
+            _fill(out, boxes[which], value)
 
     def _lights(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
-        lines, route = world.stop_lines, world.route
-        if not len(lines.s_m):
-            return
-        rows = np.array([route.row_at(s) for s in lines.s_m.tolist()])
-        signals = world.signals()
-        for number in place.near(route.position_m[rows]).tolist():
-            shown = SignalState(int(signals[lines.heads[number]].max()))
-            heading = float(route.heading_rad[rows[number]])
+        lines, route, signals = world.stop_lines, world.route, world.signals()
+        for s_m, head in zip(lines.s_m.tolist(), lines.heads, strict=True):
+            row = route.row_at(s_m)
+            if not _is_near(place, *route.position_m[row].tolist()):
+                continue
+            shown = SignalState(int(signals[head].max()))
+            heading = float(route.heading_rad[row])
             across = 0.5 * _STOP_LINE_M * np.array([-np.sin(heading), np.cos(heading)])
-            middle = route.position_m[rows[number], :2]
-            ends = place.pixels(np.array([[middle - across, middle + across]]))
-            _line(out, ends, 2, LIGHTS.get(shown, 0))
+            middle = route.position_m[row, :2]
+            ends = np.stack([middle - across, middle + across])[None]
+            _line(out, _pixels(place, ends), 2, LIGHTS.get(shown, 0))
 
 
-_BOX = ((1, 1), (1, -1), (-1, -1), (-1, 1))
-"""Corners of a box: signs of its length and its width."""
+_BOX = np.array([[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5]], np.float32)
+"""Corners of a box of length and width 1."""
 
 
-class _Place:
-    """Where the picture is taken."""
+@compiled
+def _put_boxes(position_m: F32, cos: F32, sin: F32, size_m: F32, out: F32) -> None:
+    """Write the corners (N, 4, 2) of road users by their positions, headings and sizes."""
+    for n in range(len(cos)):
+        for k in range(4):
+            ahead, left = size_m[n, 0] * _BOX[k, 0], size_m[n, 1] * _BOX[k, 1]
+            out[n, k, 0] = position_m[n, 0] + cos[n] * ahead - sin[n] * left
+            out[n, k, 1] = position_m[n, 1] + sin[n] * ahead + cos[n] * left
 
-    def __init__(self, position_m: Array, heading_rad: float) -> None:
-        self._position_m = position_m
-        self._cos, self._sin = float(np.cos(heading_rad)), float(np.sin(heading_rad))
 
-    def near(self, points_m: Array) -> NDArray[np.intp]:
-        """Which of some points (N, 3) can show."""
-        away = np.abs(points_m - self._position_m)
-        return np.flatnonzero((away[:, 0] < _REACH_M) & (away[:, 1] < _REACH_M) & (away[:, 2] < _STOREY_M))
+class _Place(NamedTuple):
+    """Where the picture is taken: the car's position [m] and heading."""
 
-    def pixels(self, points_m: Array) -> NDArray[np.int32]:
-        """Columns and rows of world points (…, 2) in sixteenths of a pixel."""
-        dx, dy = points_m[..., 0] - self._position_m[0], points_m[..., 1] - self._position_m[1]
-        ahead, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
-        column, row = 0.5 * SIZE_PX - left / PX_M, (AHEAD_M - ahead) / PX_M
+    x: float
+    y: float
+    z: float
+    cos: float
+    sin: float
+
+
+@compiled
+def _is_near(place: _Place, x: float, y: float, z: float) -> bool:
+    """Whether something whose middle is here can show."""
+    east, north = abs(x - place.x) < _REACH_M, abs(y - place.y) < _REACH_M
+    return east and north and abs(z - place.z) < _STOREY_M
+
+
+@compiled
+def _put_pixels(place: _Place, points_m: Array | F32, out: NDArray[np.int32]) -> None:
+    """Write columns and rows of world points (N, 2 or 3) in sixteenths of a pixel, (N, 2)."""
+    for n in range(len(points_m)):
+        dx, dy = points_m[n, 0] - place.x, points_m[n, 1] - place.y
+        ahead, left = place.cos * dx + place.sin * dy, place.cos * dy - place.sin * dx
         # Pixel (0, 0) covers 0…1: its centre, which OpenCV counts from, lies at a half.
-        scaled = (np.stack([column, row], axis=-1) - 0.5) * (1 << _SUBPIXEL_BITS)
-        return np.rint(scaled).astype(np.int32)
+        out[n, 0] = int(np.rint((0.5 * SIZE_PX - left / PX_M - 0.5) * (1 << _SUBPIXEL_BITS)))
+        out[n, 1] = int(np.rint(((AHEAD_M - ahead) / PX_M - 0.5) * (1 << _SUBPIXEL_BITS)))
 
 
-def _touching(polygons: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Those polygons (N, corners, 2) that lie in the picture, or within two pixels of it."""
-    margin, size = 2 << _SUBPIXEL_BITS, SIZE_PX << _SUBPIXEL_BITS
-    touches = (polygons.max(axis=1) > -margin) & (polygons.min(axis=1) < size + margin)
-    seen: NDArray[np.int32] = polygons[touches.all(axis=1)]
+def _pixels(place: _Place, lines_m: Array) -> NDArray[np.int32]:
+    """Columns and rows of a line of world points (1, N, 2 or 3) in sixteenths of a pixel, (1, N, 2)."""
+    out = np.empty((*lines_m.shape[:2], 2), np.int32)
+    _put_pixels(place, lines_m[0], out[0])
+    return out
+
+
+@compiled
+def _put_seen(
+    place: _Place, middles_m: Array | F32, corners_m: Array | F32, out: NDArray[np.int32], rows: Index
+) -> int:
+    """Write pixels and numbers of those polygons that lie in the picture, or within two pixels of it."""
+    margin, size, seen = 2 << _SUBPIXEL_BITS, SIZE_PX << _SUBPIXEL_BITS, 0
+    for n in range(len(middles_m)):
+        if _is_near(place, middles_m[n, 0], middles_m[n, 1], middles_m[n, 2]):
+            at, touches = out[seen], True
+            _put_pixels(place, corners_m[n], at)
+            for axis in range(2):
+                low = min(at[0, axis], at[1, axis], at[2, axis], at[3, axis])
+                high = max(at[0, axis], at[1, axis], at[2, axis], at[3, axis])
+                touches &= high > -margin and low < size + margin
+            if touches:
+                rows[seen] = n
+                seen += 1
     return seen
+
+
+def _seen(place: _Place, middles_m: Array | F32, corners_m: Array | F32) -> tuple[NDArray[np.int32], Index]:
+    """Those of N polygons that show: their corners in sixteenths of a pixel (M, 4, 2), their numbers (M,).
+
+    Args:
+        place: Where the picture is taken.
+        middles_m: Their middles, world [m], (N, 3).
+        corners_m: Their corners, world [m], (N, 4, 2).
+    """
+    out, rows = np.empty((len(middles_m) + 1, 4, 2), np.int32), np.empty(len(middles_m), np.intp)
+    seen = _put_seen(place, middles_m, corners_m, out, rows)
+    return out[:seen], rows[:seen]
 
 
 def _fill(out: NDArray[np.uint8], polygons: NDArray[np.int32], value: int) -> None:
@@ -161,7 +205,7 @@ def _line(out: NDArray[np.uint8], lines: NDArray[np.int32], width_px: int, value
 
 
 def _pieces(network: LaneNetwork) -> tuple[Array, Array]:
-    """Corners (N, 4, 2) [m], two on the left and two on the right side, and middles (N, 3) [m] of lanes."""
+    """Middles (N, 3) and corners (N, 4, 2) of pieces of lanes [m]: two on the left side, two on the right."""
     tables = network.tables
     begins, ends = [], []
     for lane in network.lanes:
@@ -176,7 +220,7 @@ def _pieces(network: LaneNetwork) -> tuple[Array, Array]:
     at = tables.position_m[:, :2]
     on_left, on_right = at + left, at - left
     corners = np.stack([on_left[begin], on_left[end], on_right[end], on_right[begin]], 1)
-    return corners, 0.5 * (tables.position_m[begin] + tables.position_m[end])
+    return 0.5 * (tables.position_m[begin] + tables.position_m[end]), corners
 
 
 AGENT_RIGS = ("state", "bev")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.core.jit import compiled
+from carlaloc_env.core.jit import compiled, same_types
 from carlaloc_env.envs.task.task_world import COLUMNS, Ego, TaskWorld, first_in_path, put_neighbours
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.town.routing.route import Route
@@ -125,11 +125,15 @@ class StateVector:
         catalog = world.timeline.catalog
         self._kind = np.array([_KINDS.get(Tag(tag), 0) for tag in catalog.tag.tolist()], np.int64)
         self._size_m = np.ascontiguousarray(catalog.size_m[:, :2], np.float64)
-        self._neighbours = np.zeros((NEIGHBOURS, COLUMNS))
         self._distance_m = np.zeros(NEIGHBOURS)
         self._ahead_m = np.array(ROUTE_AHEAD_M)
-        self._points = np.zeros((len(ROUTE_AHEAD_M), len(ROUTE)))
         self._scale = _scales()
+        self._values = np.zeros(len(self._scale))
+        counts = len(EGO), len(ROUTE) * len(ROUTE_AHEAD_M), len(AHEAD)
+        self._of_ego, points, self._of_ahead, neighbours = np.split(self._values, np.cumsum(counts))
+        self._points, self._neighbours = points.reshape(-1, len(ROUTE)), neighbours.reshape(-1, COLUMNS)
+        self._put_points, self._put_neighbours = same_types(_put_route_points), same_types(put_neighbours)
+        self._first_in_path = same_types(first_in_path)
         self._corner_mps = corner_speeds(world.route)
         self._speed_mps = self._speed_before_mps = world.state.speed_mps
 
@@ -155,50 +159,44 @@ class StateVector:
             centre_m=EGO_REAR_M + 0.5 * EGO_SIZE_M[0],
         )
         line = route.position_m, route.curvature_radpm, route.speed_limit_mps, route.step_m, route.closed
-        _put_route_points(*line, s, self._ahead_m, ego, self._points)
+        self._put_points(*line, s, self._ahead_m, ego, self._points)
         actors = world.actors()
         others = actors.position_m, actors.heading_rad, actors.speed_mps, self._size_m
-        put_neighbours(*others, self._kind, ego, self._distance_m, self._neighbours)
-        parts = [
-            self._ego(standing_s),
-            self._points.ravel(),
-            self._ahead(others, ego),
-            self._neighbours.ravel(),
-        ]
-        return np.clip(np.concatenate(parts) / self._scale, -1.0, 1.0).astype(np.float32)
+        self._put_neighbours(*others, self._kind, ego, self._distance_m, self._neighbours)
+        self._of_ego[:] = self._ego(standing_s)
+        self._of_ahead[:] = self._ahead(others, ego)
+        return (self._values / self._scale).clip(-1.0, 1.0).astype(np.float32)
 
-    def _ego(self, standing_s: float) -> Array:
+    def _ego(self, standing_s: float) -> tuple[float, ...]:
         world, state, route = self._world, self._world.state, self._world.route
         row = route.row_at(world.route_s_m)
         limit = float(route.speed_limit_mps[row])
         error = state.heading_rad - float(route.heading_rad[row])
         yaw_rate = float(state.omega_body_radps[2])
         to_go = route.length_m - world.route_s_m
-        return np.array(
-            [
-                state.speed_mps,
-                yaw_rate,
-                state.road_wheel_rad,
-                (state.speed_mps - self._speed_before_mps) / _STEP_S,
-                state.speed_mps * yaw_rate,
-                world.route_offset_m,
-                np.sin(error),
-                np.cos(error),
-                limit,
-                state.speed_mps - limit,
-                standing_s,
-                to_go,
-            ]
+        return (
+            state.speed_mps,
+            yaw_rate,
+            state.road_wheel_rad,
+            (state.speed_mps - self._speed_before_mps) / _STEP_S,
+            state.speed_mps * yaw_rate,
+            world.route_offset_m,
+            np.sin(error),
+            np.cos(error),
+            limit,
+            state.speed_mps - limit,
+            standing_s,
+            to_go,
         )
 
-    def _ahead(self, others: _RoadUsers, ego: Ego) -> Array:
+    def _ahead(self, others: _RoadUsers, ego: Ego) -> tuple[float, ...]:
         """Next light, and the first road user in the path."""
         route, s_m = self._world.route, self._world.route_s_m
         line_m, shown = self._next_light(s_m)
         row = route.row_at(s_m)
         beyond_m = (s_m % route.length_m if route.closed else s_m) - row * route.step_m
         line = route.position_m, route.heading_rad, row, beyond_m, route.step_m, route.closed
-        gap_m, speed_mps = first_in_path(*line, *others, SIGHT_M, ego)
+        gap_m, speed_mps = self._first_in_path(*line, *others, SIGHT_M, ego)
         lit = [float(shown == state) for state in (SignalState.RED, SignalState.YELLOW, SignalState.GREEN)]
         closing = ego.speed_mps - speed_mps
         room, braking = gap_m, _deceleration(closing, gap_m)
@@ -206,17 +204,17 @@ class StateVector:
         if (lit[0] or lit[1]) and line_m > 0.0:
             room, braking = min(room, line_m), max(braking, _deceleration(ego.speed_mps, line_m))
             safe_mps = min(safe_mps, _stopping_speed(line_m))
-        shares = np.array([safe_mps, self._corner_mps[row]]) / max(float(route.speed_limit_mps[row]), 1.0)
-        return np.array([line_m, *lit, gap_m, closing, room, braking, *shares])
+        limit = max(float(route.speed_limit_mps[row]), 1.0)
+        shares = safe_mps / limit, float(self._corner_mps[row]) / limit
+        return line_m, *lit, gap_m, closing, room, braking, *shares
 
     def _next_light(self, s_m: float) -> tuple[float, int]:
         lines, route = self._world.stop_lines, self._world.route
         if not len(lines.s_m):
             return SIGHT_M, 0
         away = lines.s_m - (s_m % route.length_m if route.closed else s_m) - EGO_FRONT_M
-        if route.closed:
-            away = np.where(away < -_BACK_M, away + route.length_m, away)
-        away = np.where(away < -_BACK_M, np.inf, away)
+        # Beyond a loop's end its lines come again.
+        away[away < -_BACK_M] += route.length_m if route.closed else np.inf
         nearest = int(np.argmin(away))
         if away[nearest] > SIGHT_M:
             return SIGHT_M, 0
