@@ -123,8 +123,7 @@ class ActorPool:
             following: State one step later; without it actors keep their speed.
             ticks: Ticks that have passed since the step.
         """
-        offset = frame.position_m - near_m
-        distance = np.abs(offset).max(axis=1) if len(frame) else np.zeros(0)
+        distance = np.abs(frame.position_m - near_m).max(axis=1, initial=0.0)
         near = np.flatnonzero(distance < _NEAR_M)
         if len(near) > MAX_BOXES:
             near = near[np.argsort(distance[near], kind="stable")[:MAX_BOXES]]
@@ -133,7 +132,7 @@ class ActorPool:
             self._give_back(actor)
         self._moving.clear()
         self._ticks = ticks
-        velocities = _velocities(frame, near, following)
+        velocities = _velocities(frame, near, following) if wanted else []
         for (actor, i), velocity in zip(wanted.items(), velocities, strict=True):
             body = self._body_of(actor, catalog.size_m[i])
             centre, quat = _box_pose(frame, i, float(catalog.size_m[i, 2]))

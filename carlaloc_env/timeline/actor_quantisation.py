@@ -7,11 +7,11 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.timeline.timeline import ActorFrame
 
 POSITION_STEP_M = 2.0**-11
@@ -77,42 +77,35 @@ def decode_actors(codes: ActorCodes) -> ActorFrame:
 
 def on_grid(frame: ActorFrame) -> ActorFrame:
     """The same state rounded to whole steps: `decode_actors` of its `encode_actors`."""
-    rounded = {name: np.array(getattr(frame, name), order="C") for name in (*_STEPS, *_ANGLES)}
-    for name, (step, most) in _STEPS.items():
-        _compiled(_round)(rounded[name].reshape(-1), step, most)
-    for name in _ANGLES:
-        _compiled(_round_angles)(rounded[name])
+    rounded = {name: np.array(getattr(frame, name), order="C") for name in _ROUNDED}
+    _rounding()(*rounded.values())
     return ActorFrame(**rounded, lights=frame.lights)
 
 
-_STEPS = {
-    "position_m": (POSITION_STEP_M, np.inf),
-    "travelled_m": (TRAVEL_STEP_M, np.inf),
-    "speed_mps": (SPEED_STEP_MPS, float(_INT16_MAX)),
-}
-"""Step of each field that is no angle, and the most steps that it has."""
-_ANGLES = ("heading_rad", "pitch_rad", "roll_rad", "steer_rad")
+_ROUNDED = ("position_m", "travelled_m", "speed_mps", "heading_rad", "pitch_rad", "roll_rad", "steer_rad")
 
 
 @functools.cache
-def _compiled(function: Callable[..., None]) -> Callable[..., Any]:
+def _rounding() -> Callable[..., None]:
     # Here, since numba takes half a second to import, and recorded states are read without it.
     from carlaloc_env.core.jit import compiled
 
-    return compiled(function)
+    return compiled(_round)
 
 
-def _round(values: NDArray[np.float32], step: float, most: float) -> None:
-    """Round numbers (N,) to whole steps, `most` of them; 0 is added since codes have no −0."""
-    for k in range(len(values)):
-        values[k] = min(max(np.rint(values[k] / step), -most), most) * step + 0.0
-
-
-def _round_angles(angles_rad: NDArray[np.float32]) -> None:
-    """Round angles (N,) to whole steps, −π up to below π."""
-    for k in range(len(angles_rad)):
-        steps = (int(np.rint(angles_rad[k] / ANGLE_STEP_RAD)) + 32768) % 65536 - 32768
-        angles_rad[k] = float(steps) * ANGLE_STEP_RAD
+def _round(
+    position_m: F32, travelled_m: F32, speed_mps: F32, heading: F32, pitch: F32, roll: F32, steer: F32
+) -> None:
+    """Round N actors to whole steps; 0 is added since codes have no −0. Angles become −π up to below π."""
+    for n in range(len(speed_mps)):
+        for axis in range(3):
+            position_m[n, axis] = np.rint(position_m[n, axis] / POSITION_STEP_M) * POSITION_STEP_M + 0.0
+        travelled_m[n] = np.rint(travelled_m[n] / TRAVEL_STEP_M) * TRAVEL_STEP_M + 0.0
+        steps = min(max(np.rint(speed_mps[n] / SPEED_STEP_MPS), -_INT16_MAX), _INT16_MAX)
+        speed_mps[n] = steps * SPEED_STEP_MPS + 0.0
+        for angle_rad in (heading, pitch, roll, steer):
+            code = (int(np.rint(angle_rad[n] / ANGLE_STEP_RAD)) + 32768) % 65536 - 32768
+            angle_rad[n] = float(code) * ANGLE_STEP_RAD
 
 
 def _steps(values: NDArray[np.float32], step: float) -> NDArray[np.float64]:

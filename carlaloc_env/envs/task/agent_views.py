@@ -196,7 +196,7 @@ def _seen(place: _Place, middles_m: Array | F32, corners_m: Array | F32) -> tupl
 def _fill(out: NDArray[np.uint8], polygons: NDArray[np.int32], value: int) -> None:
     """Fill polygons, shape (N, corners, 2); one by one, since `cv2.fillPoly` leaves out what two share."""
     for polygon in polygons:
-        cv2.fillConvexPoly(out, polygon, value, shift=_SUBPIXEL_BITS)
+        cv2.fillConvexPoly(out, polygon, value, cv2.LINE_8, _SUBPIXEL_BITS)
 
 
 def _line(out: NDArray[np.uint8], lines: NDArray[np.int32], width_px: int, value: int = 255) -> None:

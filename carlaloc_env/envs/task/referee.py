@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from numbers import Real
 
 import numpy as np
@@ -111,7 +111,8 @@ class Verdict:
     def then(self, after: Verdict) -> Verdict:
         """Verdict of this stretch and the one after it."""
         terms = {name: value + after.terms[name] for name, value in self.terms.items()}
-        return replace(after, terms=terms, cost=self.cost + after.cost)
+        cost, ended_by, truncated_by = self.cost + after.cost, after.ended_by, after.truncated_by
+        return Verdict(terms=terms, cost=cost, ended_by=ended_by, truncated_by=truncated_by)
 
 
 class Referee:
@@ -122,6 +123,7 @@ class Referee:
         self._world = world
         self._config = config
         self._route_s_m = world.route_s_m
+        self._lines_m = world.stop_lines.s_m.tolist()
         self._acceleration_mps2 = 0.0
         self._speed_mps = world.state.speed_mps
         self.standing_s = 0.0
@@ -172,15 +174,12 @@ class Referee:
 
     def _reds_passed(self, before_m: float, after_m: float) -> int:
         """Stop lines that the front bumper passed while their light was red."""
-        lines = self._world.stop_lines
         length = self._world.route.length_m
         front, back = after_m + EGO_FRONT_M, before_m + EGO_FRONT_M
-        at = lines.s_m + (np.floor(back / length) * length if self._world.route.closed else 0.0)
-        passed = np.flatnonzero((at > back) & (at <= front))
-        if not len(passed):
-            return 0
-        shown = self._world.signals()
-        return sum(int(shown[lines.heads[k]].max()) == SignalState.RED for k in passed.tolist())
+        lap_m = math.floor(back / length) * length if self._world.route.closed else 0.0
+        passed = [k for k, line_m in enumerate(self._lines_m) if back < line_m + lap_m <= front]
+        shown, heads = self._world.signals(), self._world.stop_lines.heads
+        return sum(int(shown[heads[k]].max()) == SignalState.RED for k in passed)
 
     def _on_road(self) -> bool:
         """Whether any of the car is still on a driving lane."""

@@ -1,6 +1,6 @@
 """The state vector: the car, the road and the others as one vector of numbers between −1 and 1."""
 
-from math import sqrt
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -135,6 +135,7 @@ class StateVector:
         self._put_points, self._put_neighbours = same_types(_put_route_points), same_types(put_neighbours)
         self._first_in_path = same_types(first_in_path)
         self._corner_mps = corner_speeds(world.route)
+        self._lines_m = world.stop_lines.s_m.tolist()
         self._speed_mps = self._speed_before_mps = world.state.speed_mps
 
     def follow(self) -> None:
@@ -209,16 +210,16 @@ class StateVector:
         return line_m, *lit, gap_m, closing, room, braking, *shares
 
     def _next_light(self, s_m: float) -> tuple[float, int]:
-        lines, route = self._world.stop_lines, self._world.route
-        if not len(lines.s_m):
-            return SIGHT_M, 0
-        away = lines.s_m - (s_m % route.length_m if route.closed else s_m) - EGO_FRONT_M
+        route = self._world.route
+        at_m, lap_m = (s_m % route.length_m, route.length_m) if route.closed else (s_m, math.inf)
+        away = [line_m - at_m - EGO_FRONT_M for line_m in self._lines_m]
         # Beyond a loop's end its lines come again.
-        away[away < -_BACK_M] += route.length_m if route.closed else np.inf
-        nearest = int(np.argmin(away))
-        if away[nearest] > SIGHT_M:
+        ahead = [m + lap_m if m < -_BACK_M else m for m in away]
+        nearest_m = min(ahead, default=math.inf)
+        if nearest_m > SIGHT_M:
             return SIGHT_M, 0
-        return float(away[nearest]), int(self._world.signals()[lines.heads[nearest]].max())
+        heads = self._world.stop_lines.heads[ahead.index(nearest_m)]
+        return nearest_m, int(self._world.signals()[heads].max())
 
 
 def _deceleration(closing_mps: float, distance_m: float) -> float:
@@ -228,7 +229,7 @@ def _deceleration(closing_mps: float, distance_m: float) -> float:
 
 def _stopping_speed(distance_m: float) -> float:
     """Speed [m/s] from which `BRAKING_MPS2` stops `MARGIN_M` before a distance: √(2 a d)."""
-    return sqrt(2.0 * BRAKING_MPS2 * max(distance_m - MARGIN_M, 0.0))
+    return math.sqrt(2.0 * BRAKING_MPS2 * max(distance_m - MARGIN_M, 0.0))
 
 
 def corner_speeds(route: Route) -> Array:
