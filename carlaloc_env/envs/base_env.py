@@ -8,7 +8,7 @@ Samples to a Gymnasium observation: fixed shapes, the newest values, zeros for w
 """
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import is_dataclass, replace
 from numbers import Integral
 from pathlib import Path
@@ -195,42 +195,33 @@ class Observer:
         spaces_of = self.space.spaces.items()
         self._newest = {key: np.zeros(space.shape or (), space.dtype) for key, space in spaces_of}
 
-    def observe(self, samples: Iterable[Sample]) -> Observation:
-        """The observation after these samples, given in stamp order.
-
-        The arrays are the caller's own. Streams that the rig does not know are left out.
-        """
-        self.add(samples)
-        return self.newest()
-
     def add(self, samples: Iterable[Sample]) -> None:
-        """Take over samples, given in stamp order."""
+        """Take over samples, given in stamp order; those of streams that the rig lacks are left out."""
         for sample in samples:
             key = sample.sensor
-            if key not in self._newest:
+            held = self._newest.get(key)
+            if held is None:
                 continue
-            values = values_of(sample)
             if key in self._padded:
-                self._put_cloud(key, values)
+                self._put_cloud(key, columns_of(sample))
             elif key in self._batched:
-                held = self._newest[key]
-                self._newest[key] = np.concatenate([held[1:], values[None].astype(held.dtype)])
+                self._newest[key] = np.concatenate([held[1:], values_of(sample)[None].astype(held.dtype)])
             else:
-                held = self._newest[key]
-                self._newest[key] = values.reshape(held.shape).astype(held.dtype)
+                self._newest[key] = values_of(sample).reshape(held.shape).astype(held.dtype)
 
     def newest(self) -> Observation:
         """The newest of all samples so far; the arrays are the caller's own."""
         return {key: array.copy() for key, array in self._newest.items()}
 
-    def _put_cloud(self, key: str, rows: NDArray[Any]) -> None:
+    def _put_cloud(self, key: str, columns: Sequence[NDArray[Any]]) -> None:
         held = self._newest[key]
         fresh, count = np.zeros_like(held), np.zeros_like(self._newest[f"{key}_count"])
         if key in self._batched:
             fresh[:-1], count[:-1] = held[1:], self._newest[f"{key}_count"][1:]
         cloud = fresh[-1] if key in self._batched else fresh
-        cloud[: len(rows)] = rows[: len(cloud)]
-        count[-1] = min(len(rows), len(cloud))
+        count[-1] = points = min(len(columns[0]), len(cloud))
+        for k, column in enumerate(columns):
+            cloud[:points, k] = column[:points]
         self._newest[key], self._newest[f"{key}_count"] = fresh, count
 
 
@@ -246,11 +237,6 @@ def values_of(sample: Sample) -> NDArray[Any]:
         return sample.depth_m
     if isinstance(sample, SemanticImage):
         return sample.tag
-    if isinstance(sample, PointCloud):
-        return cloud_rows(sample)
-    if isinstance(sample, RadarScan):
-        columns = [sample.doppler_mps, sample.snr_db, sample.rcs_dbsm]
-        return np.concatenate([sample.points_xyz_m, np.stack(columns, axis=1)], axis=1)
     if isinstance(sample, Imu):
         return np.concatenate([sample.specific_force_mps2, sample.angular_rate_radps])
     if isinstance(sample, GnssFix):
@@ -269,12 +255,18 @@ def values_of(sample: Sample) -> NDArray[Any]:
     raise TypeError(f"{type(sample).__name__} has no place in observations; give it a method observed()")
 
 
-def cloud_rows(cloud: PointCloud) -> NDArray[np.float32]:
-    """x, y, z [m], intensity, shape (N, 4); or x, y, z [m], cos incidence, instance, tag, shape (N, 6)."""
-    if cloud.tag is None or cloud.instance is None or cloud.cos_incidence is None:
-        return np.concatenate([cloud.points_xyz_m, cloud.intensity[:, None]], axis=1)
-    labels = [cloud.cos_incidence, cloud.instance.astype(np.float32), cloud.tag.astype(np.float32)]
-    return np.concatenate([cloud.points_xyz_m, np.stack(labels, axis=1)], axis=1)
+def columns_of(sample: Sample) -> Sequence[NDArray[Any]]:
+    """Columns of a sample of N rows, (N,) each: x, y, z [m], then intensity, or cos incidence, instance, tag.
+
+    A cloud goes to its observation column by column, since rows would be copied once more.
+    """
+    if isinstance(sample, RadarScan):
+        return [*sample.points_xyz_m.T, sample.doppler_mps, sample.snr_db, sample.rcs_dbsm]
+    if not isinstance(sample, PointCloud):
+        return list(values_of(sample).T)
+    if sample.tag is None or sample.instance is None or sample.cos_incidence is None:
+        return [*sample.points_xyz_m.T, sample.intensity]
+    return [*sample.points_xyz_m.T, sample.cos_incidence, sample.instance, sample.tag]
 
 
 def _batch(space: spaces.Box, count: int) -> spaces.Box:
