@@ -1,7 +1,6 @@
 """The state vector and the bird's-eye view against geometry done another way."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -219,13 +218,13 @@ def test_what_lies_off_the_picture_from_above_is_not_drawn(
     """Pieces of lanes and road users beyond its edges are left out, and every byte stays."""
     view, seen, drawn = BirdsEyeView(env.world.town.network), agent_views._seen, [0, 0]
 
-    def all_near(place: Any, middles_m: np.ndarray, corners_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        away = np.abs(middles_m - np.array(place[:3]))
+    def all_near(ego: Ego, middles_m: np.ndarray, corners_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        away = np.abs(middles_m - np.array(ego[:3]))
         rows = np.flatnonzero((away < [60.0, 60.0, 4.0]).all(axis=1))
-        dx, dy = np.moveaxis(corners_m[rows].astype(np.float64) - place[:2], -1, 0)
-        ahead, left = place.cos * dx + place.sin * dy, place.cos * dy - place.sin * dx
+        dx, dy = np.moveaxis(corners_m[rows].astype(np.float64) - ego[:2], -1, 0)
+        ahead, left = ego.cos * dx + ego.sin * dy, ego.cos * dy - ego.sin * dx
         pixels = np.stack([SIZE_PX / 2 - left / PX_M, (AHEAD_M - ahead) / PX_M], axis=-1) - 0.5
-        drawn[0], drawn[1] = drawn[0] + len(rows), drawn[1] + len(seen(place, middles_m, corners_m)[1])
+        drawn[0], drawn[1] = drawn[0] + len(rows), drawn[1] + len(seen(ego, middles_m, corners_m)[1])
         return np.rint(16.0 * pixels).astype(np.int32), rows
 
     for seed in range(6):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -19,7 +19,7 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.envs.base_env import Observer
 from carlaloc_env.envs.task.state_vector import StateVector, state_space
-from carlaloc_env.envs.task.task_world import TaskWorld
+from carlaloc_env.envs.task.task_world import STOREY_M, Ego, TaskWorld, ego_of
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig, check_memory
 from carlaloc_env.samples import Sample
@@ -44,8 +44,6 @@ _SUBPIXEL_BITS = 4
 """Corners are given to a sixteenth of a pixel."""
 _STRIP_ROWS = 8
 """Rows of the half-metre tables of lanes between the ends of one piece."""
-_STOREY_M = 4.0
-"""What lies so far above or below is on another road [m]."""
 _REACH_M = AHEAD_M * 1.42 + 8.0
 """Pieces whose middle is farther away cannot show [m]."""
 _STOP_LINE_M = 3.5
@@ -66,49 +64,46 @@ class BirdsEyeView:
 
     def draw(self, world: TaskWorld) -> NDArray[np.uint8]:
         """The picture now, uint8, shape (96, 96, 5); channels are named in `CHANNELS`."""
-        state = world.state
-        x, y, z = state.position_m.tolist()
-        place = _Place(x, y, z, float(np.cos(state.heading_rad)), float(np.sin(state.heading_rad)))
-        out = np.zeros((len(CHANNELS), SIZE_PX, SIZE_PX), np.uint8)
-        corners, _ = _seen(place, *self._pieces)
+        ego, out = ego_of(world.state), np.zeros((len(CHANNELS), SIZE_PX, SIZE_PX), np.uint8)
+        corners, _ = _seen(ego, *self._pieces)
         _fill(out[0], corners, 255)
         # The left side of each piece, and its right side.
         _line(out[1], corners.reshape(-1, 2, 2), 1)
-        self._route(world, place, out[2])
-        self._actors(world, place, out[3])
-        self._lights(world, place, out[4])
+        self._route(world, ego, out[2])
+        self._actors(world, ego, out[3])
+        self._lights(world, ego, out[4])
         picture = np.empty((SIZE_PX, SIZE_PX, len(CHANNELS)), np.uint8)
         cv2.merge(list(out), picture)
         return picture
 
-    def _route(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
+    def _route(self, world: TaskWorld, ego: Ego, out: NDArray[np.uint8]) -> None:
         route = world.route
         rows = np.arange(0, int(_REACH_M / route.step_m), 4) + route.row_at(world.route_s_m)
         rows = rows % len(route.position_m) if route.closed else rows[rows < len(route.position_m)]
         if len(rows) > 1:
-            _line(out, _pixels(place, route.position_m[None, rows]), round(2.0 / PX_M))
+            _line(out, _pixels(ego, route.position_m[None, rows]), round(2.0 / PX_M))
 
-    def _actors(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
+    def _actors(self, world: TaskWorld, ego: Ego, out: NDArray[np.uint8]) -> None:
         frame, catalog = world.actors(), world.timeline.catalog
         boxes_m, turn = np.empty((len(frame), 4, 2), np.float32), frame.heading_rad
         _put_boxes(frame.position_m, np.cos(turn), np.sin(turn), catalog.size_m, boxes_m)
-        boxes, rows = _seen(place, frame.position_m, boxes_m)
+        boxes, rows = _seen(ego, frame.position_m, boxes_m)
         on_foot = catalog.tag[rows] == Tag.PEDESTRIAN
         for which, value in ((on_foot, WALKER), (~on_foot, VEHICLE)):
             _fill(out, boxes[which], value)
 
-    def _lights(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
+    def _lights(self, world: TaskWorld, ego: Ego, out: NDArray[np.uint8]) -> None:
         lines, route, signals = world.stop_lines, world.route, world.signals()
         for s_m, head in zip(lines.s_m.tolist(), lines.heads, strict=True):
             row = route.row_at(s_m)
-            if not _is_near(place, *route.position_m[row].tolist()):
+            if not _is_near(ego, *route.position_m[row].tolist()):
                 continue
             shown = SignalState(int(signals[head].max()))
             heading = float(route.heading_rad[row])
             across = 0.5 * _STOP_LINE_M * np.array([-np.sin(heading), np.cos(heading)])
             middle = route.position_m[row, :2]
             ends = np.stack([middle - across, middle + across])[None]
-            _line(out, _pixels(place, ends), 2, LIGHTS.get(shown, 0))
+            _line(out, _pixels(ego, ends), 2, LIGHTS.get(shown, 0))
 
 
 _BOX = np.array([[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5]], np.float32)
@@ -125,51 +120,41 @@ def _put_boxes(position_m: F32, cos: F32, sin: F32, size_m: F32, out: F32) -> No
             out[n, k, 1] = position_m[n, 1] + sin[n] * ahead + cos[n] * left
 
 
-class _Place(NamedTuple):
-    """Where the picture is taken: the car's position [m] and heading."""
-
-    x: float
-    y: float
-    z: float
-    cos: float
-    sin: float
-
-
 @compiled
-def _is_near(place: _Place, x: float, y: float, z: float) -> bool:
+def _is_near(ego: Ego, x: float, y: float, z: float) -> bool:
     """Whether something whose middle is here can show."""
-    east, north = abs(x - place.x) < _REACH_M, abs(y - place.y) < _REACH_M
-    return east and north and abs(z - place.z) < _STOREY_M
+    east, north = abs(x - ego.x) < _REACH_M, abs(y - ego.y) < _REACH_M
+    return east and north and abs(z - ego.z) < STOREY_M
 
 
 @compiled
-def _put_pixels(place: _Place, points_m: Array | F32, out: NDArray[np.int32]) -> None:
+def _put_pixels(ego: Ego, points_m: Array | F32, out: NDArray[np.int32]) -> None:
     """Write columns and rows of world points (N, 2 or 3) in sixteenths of a pixel, (N, 2)."""
     for n in range(len(points_m)):
-        dx, dy = points_m[n, 0] - place.x, points_m[n, 1] - place.y
-        ahead, left = place.cos * dx + place.sin * dy, place.cos * dy - place.sin * dx
+        dx, dy = points_m[n, 0] - ego.x, points_m[n, 1] - ego.y
+        ahead, left = ego.cos * dx + ego.sin * dy, ego.cos * dy - ego.sin * dx
         # Pixel (0, 0) covers 0…1: its centre, which OpenCV counts from, lies at a half.
         out[n, 0] = int(np.rint((0.5 * SIZE_PX - left / PX_M - 0.5) * (1 << _SUBPIXEL_BITS)))
         out[n, 1] = int(np.rint(((AHEAD_M - ahead) / PX_M - 0.5) * (1 << _SUBPIXEL_BITS)))
 
 
-def _pixels(place: _Place, lines_m: Array) -> NDArray[np.int32]:
+def _pixels(ego: Ego, lines_m: Array) -> NDArray[np.int32]:
     """Columns and rows of a line of world points (1, N, 2 or 3) in sixteenths of a pixel, (1, N, 2)."""
     out = np.empty((*lines_m.shape[:2], 2), np.int32)
-    _put_pixels(place, lines_m[0], out[0])
+    _put_pixels(ego, lines_m[0], out[0])
     return out
 
 
 @compiled
 def _put_seen(
-    place: _Place, middles_m: Array | F32, corners_m: Array | F32, out: NDArray[np.int32], rows: Index
+    ego: Ego, middles_m: Array | F32, corners_m: Array | F32, out: NDArray[np.int32], rows: Index
 ) -> int:
     """Write pixels and numbers of those polygons that lie in the picture, or within two pixels of it."""
     margin, size, seen = 2 << _SUBPIXEL_BITS, SIZE_PX << _SUBPIXEL_BITS, 0
     for n in range(len(middles_m)):
-        if _is_near(place, middles_m[n, 0], middles_m[n, 1], middles_m[n, 2]):
+        if _is_near(ego, middles_m[n, 0], middles_m[n, 1], middles_m[n, 2]):
             at, touches = out[seen], True
-            _put_pixels(place, corners_m[n], at)
+            _put_pixels(ego, corners_m[n], at)
             for axis in range(2):
                 low = min(at[0, axis], at[1, axis], at[2, axis], at[3, axis])
                 high = max(at[0, axis], at[1, axis], at[2, axis], at[3, axis])
@@ -180,16 +165,16 @@ def _put_seen(
     return seen
 
 
-def _seen(place: _Place, middles_m: Array | F32, corners_m: Array | F32) -> tuple[NDArray[np.int32], Index]:
+def _seen(ego: Ego, middles_m: Array | F32, corners_m: Array | F32) -> tuple[NDArray[np.int32], Index]:
     """Those of N polygons that show: their corners in sixteenths of a pixel (M, 4, 2), their numbers (M,).
 
     Args:
-        place: Where the picture is taken.
+        ego: The car, which the picture is taken about.
         middles_m: Their middles, world [m], (N, 3).
         corners_m: Their corners, world [m], (N, 4, 2).
     """
-    out, rows = np.empty((len(middles_m) + 1, 4, 2), np.int32), np.empty(len(middles_m), np.intp)
-    seen = _put_seen(place, middles_m, corners_m, out, rows)
+    out, rows = np.empty((len(middles_m), 4, 2), np.int32), np.empty(len(middles_m), np.intp)
+    seen = _put_seen(ego, middles_m, corners_m, out, rows)
     return out[:seen], rows[:seen]
 
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_FRONT_M
 from carlaloc_env.core.jit import compiled, same_types
-from carlaloc_env.envs.task.task_world import COLUMNS, Ego, TaskWorld, first_in_path, put_neighbours
+from carlaloc_env.envs.task.task_world import COLUMNS, Ego, TaskWorld, ego_of, first_in_path, put_neighbours
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.signals import SignalState
@@ -148,17 +148,8 @@ class StateVector:
         Args:
             standing_s: For how long the car has been standing [s].
         """
-        world, state = self._world, self._world.state
-        route, s = world.route, world.route_s_m
-        ego = Ego(
-            x=float(state.position_m[0]),
-            y=float(state.position_m[1]),
-            z=float(state.position_m[2]),
-            cos=float(np.cos(state.heading_rad)),
-            sin=float(np.sin(state.heading_rad)),
-            speed_mps=state.speed_mps,
-            centre_m=EGO_REAR_M + 0.5 * EGO_SIZE_M[0],
-        )
+        world, route = self._world, self._world.route
+        s, ego = world.route_s_m, ego_of(world.state)
         line = route.position_m, route.curvature_radpm, route.speed_limit_mps, route.step_m, route.closed
         self._put_points(*line, s, self._ahead_m, ego, self._points)
         actors = world.actors()

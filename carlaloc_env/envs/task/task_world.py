@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from carlaloc_env.town.routing.route import Route
@@ -89,7 +89,7 @@ RANGE_M = 50.0
 """Road users farther away are left out [m]."""
 _ROOM_M = 0.25
 """Room that the car wants beside others in its path [m]."""
-_STOREY_M = 4.0
+STOREY_M = 4.0
 """What lies so far above or below is on another road [m]."""
 _HALF_WIDTH_M = 0.5 * EGO_SIZE_M[1]
 
@@ -111,6 +111,13 @@ class Ego(NamedTuple):
     """Forward speed [m/s]."""
     centre_m: float
     """Distance of the body's centre ahead of `base_link` [m]."""
+
+
+def ego_of(state: CarState) -> Ego:
+    """The car in a state."""
+    x, y, z = state.position_m.tolist()
+    cos, sin = float(np.cos(state.heading_rad)), float(np.sin(state.heading_rad))
+    return Ego(x, y, z, cos, sin, state.speed_mps, EGO_REAR_M + 0.5 * EGO_SIZE_M[0])
 
 
 @compiled
@@ -142,7 +149,7 @@ def put_neighbours(
     for n in range(len(heading_rad)):
         dx, dy = float(position_m[n, 0]) - x, float(position_m[n, 1]) - y
         away = np.sqrt(dx * dx + dy * dy)
-        if away > RANGE_M or abs(float(position_m[n, 2]) - ego.z) > _STOREY_M:
+        if away > RANGE_M or abs(float(position_m[n, 2]) - ego.z) > STOREY_M:
             continue
         if found == len(out) and away >= distance_m[found - 1]:
             continue
@@ -224,7 +231,7 @@ def first_in_path(
         angle = float(heading_rad[n]) - route_heading_rad[row]
         across, along = abs(np.sin(angle)), abs(np.cos(angle))
         side = 0.5 * (size_m[n, 0] * across + size_m[n, 1] * along)
-        if np.sqrt(least) > side + _HALF_WIDTH_M + _ROOM_M or abs(z - route_m[row, 2]) > _STOREY_M:
+        if np.sqrt(least) > side + _HALF_WIDTH_M + _ROOM_M or abs(z - route_m[row, 2]) > STOREY_M:
             continue
         # From the sample on to the foot of the perpendicular: else the gap would go in steps of a metre.
         c, s = np.cos(route_heading_rad[row]), np.sin(route_heading_rad[row])
