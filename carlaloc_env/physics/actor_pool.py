@@ -21,8 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.clock import STEP_NS, TICK_S
 from carlaloc_env.core.elementary_kernels import sin_cos
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, came_in_elsewhere
 
 __all__ = ["pybullet"]
@@ -123,22 +125,24 @@ class ActorPool:
             following: State one step later; without it actors keep their speed.
             ticks: Ticks that have passed since the step.
         """
-        distance = np.abs(frame.position_m - near_m).max(axis=1, initial=0.0)
-        near = np.flatnonzero(distance < _NEAR_M)
-        if len(near) > MAX_BOXES:
-            near = near[np.argsort(distance[near], kind="stable")[:MAX_BOXES]]
-        wanted = {int(catalog.id[i]): int(i) for i in near}
+        near, boxes = np.empty(len(frame), np.intp), np.empty((len(frame), 11))
+        motion = frame.heading_rad, frame.pitch_rad, frame.roll_rad, frame.speed_mps
+        count = put_near(frame.position_m, *motion, catalog.size_m, near_m, near, boxes)
+        near, boxes = near[:count], boxes[:count]
+        if count > MAX_BOXES:
+            nearest = np.argsort(boxes[:, 10], kind="stable")[:MAX_BOXES]
+            near, boxes = near[nearest], boxes[nearest]
+        wanted = dict(zip(catalog.id[near].tolist(), near.tolist(), strict=True))
         for actor in [a for a in self._lent if a not in wanted]:
             self._give_back(actor)
         self._moving.clear()
         self._ticks = ticks
-        velocities = _velocities(frame, near, following) if wanted else []
-        for (actor, i), velocity in zip(wanted.items(), velocities, strict=True):
-            body = self._body_of(actor, catalog.size_m[i])
-            centre, quat = _box_pose(frame, i, float(catalog.size_m[i, 2]))
-            self._place(body, centre, velocity, quat)
+        velocities = _velocities(frame, near, boxes[:, 7:10], following).tolist()
+        for (actor, i), box, velocity in zip(wanted.items(), boxes.tolist(), velocities, strict=True):
+            moving = self._body_of(actor, catalog.size_m[i]), box[:3], velocity, box[3:7]
+            self._place(*moving)
             if any(velocity):
-                self._moving.append((body, centre, velocity, quat))
+                self._moving.append(moving)
 
     def advance(self) -> None:
         """Move the boxes of actors that move by one tick."""
@@ -198,42 +202,45 @@ class ActorPool:
         return body
 
 
-def _box_pose(frame: ActorFrame, i: int, height_m: float) -> tuple[list[float], list[float]]:
-    x, y, z = frame.position_m[i].tolist()
-    heading, pitch, roll = (float(a[i]) for a in (frame.heading_rad, frame.pitch_rad, frame.roll_rad))
-    lift = 0.5 * height_m
-    (sin_h, cos_h), (sin_p, cos_p), (sin_r, cos_r) = sin_cos(heading), sin_cos(pitch), sin_cos(roll)
-    back, right = lift * sin_p * cos_r, lift * sin_r
-    centre = [x + right * sin_h - back * cos_h, y - right * cos_h - back * sin_h, z + lift * cos_p * cos_r]
-    (sh, ch), (sp, cp), (sr, cr) = sin_cos(0.5 * heading), sin_cos(-0.5 * pitch), sin_cos(0.5 * roll)
-    quat_xyzw = [
-        ch * cp * sr - sh * sp * cr,
-        ch * sp * cr + sh * cp * sr,
-        sh * cp * cr - ch * sp * sr,
-        ch * cp * cr + sh * sp * sr,
-    ]
-    return centre, quat_xyzw
+@compiled
+def put_near(
+    position_m: F32, heading_rad: F32, pitch_rad: F32, roll_rad: F32, speed_mps: F32, size_m: F32,
+    near_m: Array, near: Index, boxes: Array,
+) -> int:  # fmt: skip
+    """Write numbers (N,) and boxes of the actors near a point, as many as the result.
+
+    A box has eleven numbers: its centre [m], attitude, velocity as it goes now [m/s], and distance [m].
+    """
+    count = 0
+    for n in range(len(heading_rad)):
+        x, y, z = float(position_m[n, 0]), float(position_m[n, 1]), float(position_m[n, 2])
+        away_m = max(abs(x - near_m[0]), abs(y - near_m[1]), abs(z - near_m[2]))
+        if away_m >= _NEAR_M:
+            continue
+        heading, pitch, roll = float(heading_rad[n]), float(pitch_rad[n]), float(roll_rad[n])
+        lift = 0.5 * float(size_m[n, 2])
+        (sin_h, cos_h), (sin_p, cos_p), (sin_r, cos_r) = sin_cos(heading), sin_cos(pitch), sin_cos(roll)
+        back, right, box = lift * sin_p * cos_r, lift * sin_r, boxes[count]
+        box[0], box[1] = x + right * sin_h - back * cos_h, y - right * cos_h - back * sin_h
+        box[2], box[10] = z + lift * cos_p * cos_r, away_m
+        (sh, ch), (sp, cp), (sr, cr) = sin_cos(0.5 * heading), sin_cos(-0.5 * pitch), sin_cos(0.5 * roll)
+        box[3], box[4] = ch * cp * sr - sh * sp * cr, ch * sp * cr + sh * cp * sr
+        box[5], box[6] = sh * cp * cr - ch * sp * sr, ch * cp * cr + sh * sp * sr
+        speed = float(speed_mps[n])
+        box[7], box[8], box[9] = speed * cos_p * cos_h, speed * cos_p * sin_h, speed * sin_p
+        near[count] = n
+        count += 1
+    return count
 
 
-def _velocities(
-    frame: ActorFrame, index: NDArray[np.intp], following: ActorFrame | None
-) -> list[list[float]]:
-    """Velocities of some actors until the following step, or as they go now [m/s]."""
-    if following is None:
-        return [_velocity(frame, i) for i in index.tolist()]
-    change = following.position_m[index] - frame.position_m[index]
-    away = came_in_elsewhere(change, following.heading_rad[index] - frame.heading_rad[index])
+def _velocities(frame: ActorFrame, near: Index, as_now_mps: Array, following: ActorFrame | None) -> Array:
+    """Velocities of some actors until the following step, or as they go now [m/s], (N, 3)."""
+    if following is None or not len(near):
+        return as_now_mps
+    change = following.position_m[near] - frame.position_m[near]
+    away = came_in_elsewhere(change, following.heading_rad[near] - frame.heading_rad[near])
     # An actor that comes in elsewhere passes no place in between.
-    return [
-        _velocity(frame, i) if elsewhere else [d / (STEP_NS * 1e-9) for d in moved]
-        for i, elsewhere, moved in zip(index.tolist(), away.tolist(), change.tolist(), strict=True)
-    ]
-
-
-def _velocity(frame: ActorFrame, i: int) -> list[float]:
-    speed, heading, pitch = (float(a[i]) for a in (frame.speed_mps, frame.heading_rad, frame.pitch_rad))
-    (sin_h, cos_h), (sin_p, cos_p) = sin_cos(heading), sin_cos(pitch)
-    return [speed * cos_p * cos_h, speed * cos_p * sin_h, speed * sin_p]
+    return np.where(away[:, None], as_now_mps, change.astype(np.float64) / (STEP_NS * 1e-9))
 
 
 Vector3 = tuple[float, float, float]
