@@ -37,7 +37,7 @@ STEP_S = STEP_NS * 1e-9
 _WORDS = {
     "state": "rig 'state'",
     "bev": "rig 'bev'",
-    "lidar": "the paper's LiDAR",
+    "lidar": "the LiDAR of rig 'lidar'",
     "camera": "a camera of 84×84, quality 'low'",
 }
 
