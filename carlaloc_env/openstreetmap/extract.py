@@ -103,7 +103,7 @@ def read_extract(path: Path, box: Box | None = None) -> Extract:
         raise MapError(
             f"{path} has {len(found.degrees):,} nodes over {span:.2f}°; cut it by --bbox W,S,E,N to 2 km"
         )
-    _place(found)
+    place(found)
     return found
 
 
@@ -272,13 +272,14 @@ def _elsewhere(path: Path, kept: dict[int, tuple[float, float]], box: Box | None
     return f"{path} has nothing in the box; it covers --bbox {limits}"
 
 
-def _place(found: Extract) -> None:
+def place(found: Extract, height_m: float = 0.0) -> None:
+    """Place the nodes of an extract on the plane that touches the Earth, at a height above the ellipsoid."""
     numbers = list(found.degrees)
     places = np.array([found.degrees[number] for number in numbers])
     streets = _street_places(found)
     middle = np.round((streets.min(axis=0) + streets.max(axis=0)) / 2, 6)
-    found.geo = GeoReference(latitude_deg=float(middle[1]), longitude_deg=float(middle[0]))
+    found.geo = GeoReference(latitude_deg=float(middle[1]), longitude_deg=float(middle[0]), height_m=height_m)
     # On the ellipsoid, seen along its normal at the origin: within a millimetre of a flat map for some km.
-    geodetic = np.column_stack([places[:, 1], places[:, 0], np.zeros(len(places))])
+    geodetic = np.column_stack([places[:, 1], places[:, 0], np.full(len(places), height_m)])
     world = np.round(found.geo.geodetic_to_enu(geodetic)[:, :2], 4)
     found.xy_m = {number: (float(x), float(y)) for number, (x, y) in zip(numbers, world, strict=True)}

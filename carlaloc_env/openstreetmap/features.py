@@ -237,11 +237,22 @@ def _building(tags: Tags) -> dict[str, Any]:
         "roof_colour": colour(tags.get("roof:colour")),
     }  # fmt: skip
     found |= {key: value for key, value in look.items() if value}
+    if found.get("roof") == "skillion":
+        angle, towards = number(tags.get("roof:angle")), tags.get("roof:direction", "").strip().upper()
+        bearing = 22.5 * COMPASS.index(towards) if towards in COMPASS else number(towards or None)
+        if bearing is not None and -360.0 <= bearing <= 360.0:
+            found["roof_direction_deg"] = bearing
+        if angle is not None and 1.0 <= angle <= 60.0:
+            found["roof_angle_deg"] = angle
     if "shop" in tags or tags.get("building") in ("retail", "shop", "supermarket"):
         found["shop"] = True
     return found
 
 
+COMPASS = (
+    "N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW",
+)  # fmt: skip
+"""Bearings of `roof:direction`, from north clockwise."""
 _USUAL_LEVELS = {
     "apartments": 4, "house": 2, "detached": 2, "semidetached_house": 2, "terrace": 2, "residential": 3,
     "garage": 1, "garages": 1, "shed": 1, "hut": 1, "cabin": 1, "farm_auxiliary": 1, "barn": 1,

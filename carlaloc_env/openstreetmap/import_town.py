@@ -16,13 +16,15 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.authoring.elements.mirroring import mirror
 from carlaloc_env.authoring.opendrive_writer import opendrive_text
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.openstreetmap.clusters import End, half_width
 from carlaloc_env.openstreetmap.countries import Country, country_of, drives_left
-from carlaloc_env.openstreetmap.extract import Box, Extract, Way, read_extract
+from carlaloc_env.openstreetmap.extract import Box, Extract, Way, place, read_extract
 from carlaloc_env.openstreetmap.features import MOST_BUILDINGS, Feature, Features, geojson, read_features
 from carlaloc_env.openstreetmap.furniture import furnish
 from carlaloc_env.openstreetmap.heights import find_heights
+from carlaloc_env.openstreetmap.land import Land, read_land
 from carlaloc_env.openstreetmap.road_graph import Chain, RoadGraph, build_graph
 from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.settings import settings_text
@@ -40,6 +42,8 @@ https://opendatacommons.org/licenses/odbl/1-0/
 Pictures and data sets made of it name the source: "© OpenStreetMap contributors".
 Files that hold the data themselves, such as this folder, stay under the same licence.
 """
+OFF_LAND_M = 1.0
+"""Streets that leave the land by more are reported [m]."""
 HOUSES_M = 45.0
 """Streets with a house every so many metres are in town [m]."""
 
@@ -54,18 +58,25 @@ class ImportedTown:
     report: dict[str, Any] = field(default_factory=dict)
 
 
-def import_town(source: Path, *, box: Box | None = None, name: str = "") -> ImportedTown:
+def import_town(
+    source: Path, *, box: Box | None = None, name: str = "", heights: Path | None = None
+) -> ImportedTown:
     """Make a town of an extract.
 
     Args:
         source: An .osm, .osm.gz or .osm.pbf file.
         box: West, south, east, north [deg]; None: the whole file.
         name: Name of the town; empty: that of the file.
+        heights: Raster of the land's heights; None: a flat town.
 
     Raises:
         MapError: The file cannot be read, or holds no streets on which one could drive.
     """
     extract = read_extract(source, box)
+    land = None
+    if heights is not None:
+        land = read_land(heights, extract)
+        place(extract, land.origin_m)
     features = read_features(extract)
     buildings = features.of("building")
     if len(buildings) > MOST_BUILDINGS:
@@ -86,9 +97,14 @@ def import_town(source: Path, *, box: Box | None = None, name: str = "") -> Impo
         for f in features.of("rail")
     ]
     _narrow(graph.chains, solid)
+
+    def slope(xy: Array) -> Array:
+        assert land is not None
+        return land.height(xy * (1.0, -1.0) if left else xy)
+
     network, chains, dropped = settle(
         graph.chains,
-        partial(find_heights, rails=rails),
+        partial(find_heights, rails=rails, land=None if land is None else slope),
         restrictions(extract),
         shapely.STRtree(solid),
         yellow=country.code in ("US", "CA"),
@@ -106,12 +122,12 @@ def import_town(source: Path, *, box: Box | None = None, name: str = "") -> Impo
     xodr = opendrive_text(
         title, projection, network.roads, network.parts, network.controllers, rule="LHT" if left else "RHT"
     )
-    kept = _beside(features, network)
+    kept = _beside(features, network, land)
     return ImportedTown(
         xodr=xodr,
         toml=settings_text(title, extract, Features(kept, {}), network, xodr),
         features=geojson(kept, extract),
-        report=_report(source, extract, graph, chains, dropped, features, network, country, side),
+        report=_report(source, extract, graph, chains, dropped, features, network, country, side, land),
     )
 
 
@@ -199,14 +215,14 @@ def restrictions(extract: Extract) -> dict[tuple[int, int], frozenset[int]]:
     return {key: frozenset(ways) for key, ways in banned.items()}
 
 
-def _beside(features: Features, network: RoadNetwork) -> list[Feature]:
-    """Things in reach of the roads, areas cut to it."""
+def _beside(features: Features, network: RoadNetwork, land: Land | None) -> list[Feature]:
+    """Things in reach of the roads, areas cut to it, and the land."""
     points = [road.path.at(road.length * k / 4) for road in network.roads for k in range(5)]
     reach = shapely.buffer(
         shapely.MultiPoint([(p.x, p.y) for p in points]).envelope, 120.0, join_style="mitre"
     )
     shapely.prepare(reach)
-    kept = []
+    kept = [] if land is None else [land.feature(reach)]
     for feature in features.all:
         if feature.kind in ("building", "part", "tree"):
             if shapely.contains(reach, shapely.centroid(feature.shape)):
@@ -228,6 +244,7 @@ def _report(
     network: RoadNetwork,
     country: Country,
     drives_on: str,
+    land: Land | None,
 ) -> dict[str, Any]:
     own = [c for c in chains if c.pieces[0].way > 0 or c.pieces[-1].way > 0]
     lost = sum(c.length_m for c in dropped if c.pieces[0].way > 0)
@@ -252,6 +269,7 @@ def _report(
         "junctions": len(network.junctions),
         "buildings": len(buildings),
         "features": dict(sorted(kinds.items())),
+        **({} if land is None else {"heights": land.report}),
         "guessed": {
             **{f"{tag} of streets": count for tag, count in sorted(guessed.items())},
             "heights of buildings": sum(bool(b.properties.get("guessed")) for b in buildings),
@@ -264,7 +282,12 @@ def _report(
         + [
             f"way/{chains[c.upper].pieces[0].way if c.upper is not None else 'rail'}: "
             f"{gap:.1f} m short of the clearance over what it crosses"
-            for c, gap in network.missed
+            for c, gap in network.heights.missed
+        ]
+        + [
+            f"way/{chains[k].pieces[0].way}: {gap:.1f} m off the land, by its grade or its bridge"
+            for k, gap in network.heights.off_m.items()
+            if gap > OFF_LAND_M and chains[k].pieces[0].way > 0
         ],
         "left_out": left_out,
     }

@@ -90,8 +90,8 @@ class RoadNetwork:
     """Road of every chain that is not inside a junction."""
     tight: list[Tight] = field(default_factory=list)
     """Turns that would be too tight."""
-    missed: Sequence[tuple[Crossing, float]] = ()
-    """Crossings without the clearance, and what it lacks [m]."""
+    heights: Heights = field(default_factory=lambda: Heights())
+    """Heights of its streets."""
 
 
 @dataclass(slots=True)
@@ -107,18 +107,20 @@ class Crossing:
 
 @dataclass(slots=True)
 class Heights:
-    """Heights of a town that is flat; `heights.py` has those with bridges."""
+    """Heights of a town that is flat; `heights.py` has those with bridges or sloping land."""
 
     missed: list[tuple[Crossing, float]] = field(default_factory=list)
     """Crossings without the clearance, and what it lacks [m]."""
+    off_m: dict[int, float] = field(default_factory=dict)
+    """How far each chain leaves the land at most, where that is known [m]."""
 
-    def of_road(self, chain: int, first_m: float, path: Path) -> list[Record]:
-        """Elevation of a chain's road, which begins at `first_m`."""
-        return level(0.0)
+    def of_road(self, chain: int, first_m: float, path: Path) -> tuple[list[Record], list[Record]]:
+        """Elevation and superelevation of a chain's road, which begins at `first_m`."""
+        return level(0.0), []
 
-    def of_cluster(self, cluster: Cluster) -> float:
-        """Height of a junction [m]."""
-        return 0.0
+    def of_cluster(self, cluster: Cluster) -> Plane:
+        """Plane of a junction."""
+        return Plane(0.0, 0.0, 0.0)
 
 
 def build_network(
@@ -195,7 +197,7 @@ def _road(
             _whiten(section)
     part = RoadPart(numbers.next(ROAD), street.name, path, level(0.0), sections, street.speed_kmh)
     part.street, part.kind = str(number), street.kind
-    part.elevation = heights.of_road(number, first_m, path)
+    part.elevation, part.tilt = heights.of_road(number, first_m, path)
     return part
 
 
@@ -271,13 +273,13 @@ def _junction(
             leg.road.successor = link
         else:
             leg.road.predecessor = link
-    middle = np.mean([(leg.pose.x, leg.pose.y) for leg in legs], axis=0)
-    plane = Plane(float(middle[0]), float(middle[1]), heights.of_cluster(cluster))
+    plane = heights.of_cluster(cluster)
     if len(legs) == 1:
         count = min(len(legs[0].incoming), len(legs[0].outgoing))
         back = [Movement(0, 0, tuple((k, k) for k in range(count)), "back")] if count else []
         if back:
-            path = _bulb_path(legs[0].pose.ahead(0.0, -legs[0].incoming[0].right_m), cluster.ends[0].street)
+            start = legs[0].border(legs[0].pose, legs[0].incoming[0].right_m)
+            path = _bulb_path(start, cluster.ends[0].street)
             network.roads.append(_connect(back[0], part, legs, path, numbers, plane))
         network.junctions.append(Junction(cluster, part, legs, back))
         return
@@ -288,7 +290,8 @@ def _junction(
     for movement in found:
         ends = (cluster.ends[movement.source], cluster.ends[movement.target])
         poses = (legs[movement.source].pose, legs[movement.target].pose)
-        key = (movement.lanes, poses, tuple((e.chain, e.side) for e in ends), *cluster.inner)
+        tilts = legs[movement.source].tilt(), legs[movement.target].tilt()
+        key = (movement.lanes, poses, tilts, tuple((e.chain, e.side) for e in ends), *cluster.inner)
         if key not in memo[1]:
             memo[1][key] = _path(movement, legs, cluster, chains)
         lines.append(memo[1][key])

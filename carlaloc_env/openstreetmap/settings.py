@@ -51,6 +51,7 @@ def settings_text(name: str, extract: Extract, features: Features, network: Road
         "[geo]",
         f"latitude_deg = {geo.latitude_deg}",
         f"longitude_deg = {geo.longitude_deg}",
+        *([f"height_m = {geo.height_m}"] if geo.height_m else []),
         "",
         "[traffic]",
         f"vehicles = {min(MOST_VEHICLES, round(VEHICLES_PER_KM * km))}",

@@ -27,7 +27,7 @@ from carlaloc_env.town.config import TownConfig, TrafficCounts, Zone
 from carlaloc_env.town.ground.ground_plan import Groundwork, lay_groundwork
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.mapped import MappedFeature
+from carlaloc_env.town.mapped import MappedFeature, land_points
 from carlaloc_env.town.meshing.batches import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.meshing.polygons import polygons_of, weld
@@ -57,7 +57,7 @@ def build_scenery(
         route_m: Points of the ego's route (N, 2) [m].
         mapped: Things beside the roads; None: houses and plants are invented.
     """
-    work, out = lay_groundwork(network, config), Surfaces()
+    work, out = lay_groundwork(network, config, land_points(mapped or ())), Surfaces()
     tunnel_lamps = add_surfaces(out, network, work, seed)
     plots = place_plots(work, config, seed, mapped)
     boxes = np.concatenate([lot_boxes(plots.lots, plots.bases_m), plots.mapped_boxes()])

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.geodesy import GeoReference
 
@@ -57,7 +58,7 @@ def read_mapped(path: Path, geo: GeoReference) -> list[MappedFeature]:
 
 def _feature(properties: Mapping[str, Any], shape: Any, geo: GeoReference) -> MappedFeature:
     degrees = shapely.get_coordinates(shape)
-    geodetic = np.column_stack([degrees[:, ::-1], np.zeros(len(degrees))])
+    geodetic = np.column_stack([degrees[:, ::-1], np.full(len(degrees), geo.height_m)])
     world = np.round(geo.geodetic_to_enu(geodetic)[:, :2], 3)
     placed = shapely.set_coordinates(shape, world)
     return MappedFeature(
@@ -68,3 +69,12 @@ def _feature(properties: Mapping[str, Any], shape: Any, geo: GeoReference) -> Ma
 def of_kind(features: Sequence[MappedFeature], *kinds: str) -> list[MappedFeature]:
     """Things of some kinds."""
     return [feature for feature in features if feature.kind in kinds]
+
+
+def land_points(features: Sequence[MappedFeature]) -> Array:
+    """Points (K, 3) of the land between the roads [m]; none where nothing is known of it."""
+    found = [
+        np.column_stack([shapely.get_coordinates(land.shape), land.properties["heights_m"]])
+        for land in of_kind(features, "land")
+    ]
+    return np.concatenate([np.zeros((0, 3)), *found])

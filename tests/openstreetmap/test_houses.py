@@ -17,7 +17,13 @@ from carlaloc_env.openstreetmap.features import colour, geojson, read_features
 from carlaloc_env.openstreetmap.import_town import import_town, write_town
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.buildings.footprint_roofs import add_footprint_roof, roof_rise
+from carlaloc_env.town.buildings.footprint_roofs import (
+    BOARD_M,
+    EAVES_M,
+    add_footprint_roof,
+    downhill,
+    roof_rise,
+)
 from carlaloc_env.town.buildings.footprints import Houses
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.buildings.walls import Appearance, Shell
@@ -25,7 +31,7 @@ from carlaloc_env.town.mapped import MappedFeature, read_mapped
 from carlaloc_env.town.meshing.batches import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
-FLAT = type("Flat", (), {"height": staticmethod(lambda xy: np.zeros(len(xy)))})()
+FLAT = type("Flat", (), {"height": staticmethod(lambda xy: np.zeros(len(xy))), "sloping": False})()
 DOWNTOWN = type("Zones", (), {"kind_at": staticmethod(lambda xy: "downtown")})()
 NOTHING = shapely.Polygon()
 
@@ -196,12 +202,13 @@ def roofed(outline: shapely.Polygon, shape: str) -> Mesh:
     style = STYLES["house"]
     look = Appearance(style=style, material=style.walls[0][0], tint=(9, 9, 9), trim=(9, 9, 9), sign=(9, 9, 9))
     shell = Shell(out=MeshBuilder(), look=look)
-    add_footprint_roof(shell, outline, 10.0, shape, roof_rise(outline, shape, 0.0), np.random.default_rng(1))
+    rise, south = roof_rise(outline, shape, 0.0), downhill(outline, 180.0)
+    add_footprint_roof(shell, outline, 10.0, shape, rise, np.random.default_rng(1), south)
     return shell.out.build()
 
 
 @pytest.mark.parametrize("outline", [COURTYARD, ANGLED, shapely.box(0, 0, 20, 10)])
-@pytest.mark.parametrize("shape", ["flat", "hip", "gable", "pyramidal", "dome"])
+@pytest.mark.parametrize("shape", ["flat", "hip", "gable", "pyramidal", "dome", "skillion"])
 def test_roofs_cover_their_outline(outline: shapely.Polygon, shape: str) -> None:
     """Seen from above, the faces that look up cover the outline, and nothing rises above the ridge."""
     mesh = roofed(outline, shape)
@@ -216,6 +223,44 @@ def test_a_hip_rises_as_far_from_every_edge() -> None:
     """On a square it is a pyramid: its height is the slope times half the side, the eaves included."""
     mesh = roofed(shapely.box(0, 0, 10, 10), "hip")
     assert mesh.vertices_m[:, 2].max() == pytest.approx(10.0 + 5.0 * 0.65, abs=0.15)
+
+
+@pytest.mark.parametrize("outline", [COURTYARD, ANGLED, shapely.box(0, 0, 20, 10)])
+def test_a_roof_of_one_slope_is_closed(outline: shapely.Polygon) -> None:
+    """Its faces sum up to the outline seen from above; they enclose a prism under a plane, and the eaves."""
+    rise = roof_rise(outline, "skillion", 0.0)
+    mesh = roofed(outline, "skillion")
+    a, b, c = (mesh.vertices_m[corner].astype(float) - (0.0, 0.0, 10.0) for corner in mesh.triangles.T)
+    assert np.sum(np.cross(b - a, c - a) / 2, axis=0) == pytest.approx([0, 0, outline.area], abs=1e-3)
+    depth, middle = outline.bounds[3] - outline.bounds[1], outline.centroid.y - outline.bounds[1]
+    ring = outline.buffer(EAVES_M, join_style="mitre").area - outline.area
+    volume = float(np.sum(a * np.cross(b, c)) / 6)
+    boards = BOARD_M * (outline.area + ring)
+    assert volume == pytest.approx(outline.area * rise * middle / depth + boards, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("direction", "fall"), [("S", (0, -1)), ("90", (1, 0)), ("WSW", (-0.924, -0.383)), ("up", (0, -1))]
+)
+def test_a_roof_of_one_slope_falls_as_tagged(
+    direction: str, fall: tuple[float, float], tmp_path: Path
+) -> None:
+    """Else off the longest wall; its top is the house's height, its foot lower by depth and angle."""
+    sketch = Sketch()
+    tags = {"roof:shape": "skillion", "roof:direction": direction, "roof:angle": "15", "height": "9"}
+    sketch.block(0, 0, 20, 10, building="yes", **tags)
+    (feature,) = read_features(read_extract(sketch.write(tmp_path / "a.osm"))).of("building")
+    built = houses(
+        MappedFeature(kind="building", id="way/1", shape=feature.shape, properties=feature.properties)
+    )
+    (mesh,) = built.meshes(InstanceIds())
+    down = mesh.vertices_m[:, :2] @ np.array(fall)
+    depth = float(np.ptp(shapely.get_coordinates(feature.shape) @ np.array(fall)))
+    high, foot = down < down.min() + 0.01, down > down.max() - 0.01
+    grade = np.tan(np.radians(15.0))
+    assert mesh.vertices_m[high, 2].max() == pytest.approx(9.0 + EAVES_M * grade + BOARD_M, abs=0.05)
+    lowest = max(9.0 - depth * grade, 0.4 * 9.0)
+    assert mesh.vertices_m[foot, 2].max() == pytest.approx(lowest - EAVES_M * grade + BOARD_M, abs=0.05)
 
 
 def test_colours() -> None:

@@ -1,4 +1,4 @@
-"""Roofs over outlines of any shape: flat with parapets, or rising inwards from every edge alike."""
+"""Roofs over outlines of any shape: flat with parapets, of one slope, or rising from every edge alike."""
 
 from __future__ import annotations
 
@@ -22,6 +22,10 @@ EAVES_M = 0.35
 """How far other roofs reach over their walls [m]."""
 SLOPE = 0.65
 """Rise of a pitched roof over its run where no tag says it."""
+USUAL_PITCH_DEG = 12.0
+"""Angle of roofs of one slope where no tag says it [deg]."""
+BOARD_M = 0.1
+"""Thickness of roofs at their eaves [m]."""
 HIGHEST_M = 7.0
 """Highest of these [m]."""
 STEPS = (0.0, 0.3, 0.6, 0.85, 1.0)
@@ -50,16 +54,30 @@ def _reach(outline: Area) -> float:
 
 
 def add_footprint_roof(
-    shell: Shell, outline: Area, z: float, shape: str, rise_m: float, rng: np.random.Generator
+    shell: Shell, outline: Area, z: float, shape: str, rise_m: float, rng: np.random.Generator, fall: Array
 ) -> None:
-    """Roof an outline whose walls end at height z [m]."""
+    """Roof an outline whose walls end at height z [m]; `fall` as `downhill` gives it."""
     box = _rectangle(outline)
     if shape == "flat" or rise_m < 0.3:
         _flat(shell, outline, z)
+    elif shape == "skillion":
+        _sloping(shell, outline, z, rise_m, fall)
     elif shape in ("gable", "front_gable") and box is not None:
         _over_rectangle(shell, box, z, shape, rng)
     else:
         _rising(shell, outline, z, rise_m, curved=shape in _ROUND)
+
+
+def downhill(outline: Area, bearing_deg: float) -> Array:
+    """Direction (2,) in which a roof of one slope falls: by its bearing, or off the longest wall for NaN."""
+    if np.isfinite(bearing_deg):
+        bearing = np.radians(bearing_deg)
+        return np.array([float(elementary.sin(bearing)), float(elementary.cos(bearing))])
+    corners = shapely.get_coordinates(shapely.orient_polygons(outline).exterior)
+    walls = np.diff(corners, axis=0)
+    length = np.hypot(*walls.T)
+    x, y = walls[np.argmax(length)] / length.max()
+    return np.array([y, -x])
 
 
 def _rectangle(outline: Area) -> Array | None:
@@ -97,6 +115,27 @@ def _flat(shell: Shell, outline: Area, z: float) -> None:
         shell.wall(upright(line[:-1], line[1:], z, top))
 
 
+def _sloping(shell: Shell, outline: Area, z: float, rise_m: float, fall: Array) -> None:
+    """Boards on one plane, which falls to z at the walls of its foot; the other walls go up to it."""
+    down = shapely.get_coordinates(outline) @ fall
+    grade = rise_m / float(np.ptp(down))
+
+    def at(points: Array, over_m: float = 0.0) -> Array:
+        height = z + grade * (down.max() - points[..., :2] @ fall) + over_m
+        return np.concatenate([points[..., :2], height[..., None]], axis=-1)
+
+    eaves = shapely.buffer(outline, EAVES_M, join_style="mitre", mitre_limit=2.0)
+    _add(shell, at(_triangles(eaves).reshape(-1, 2), BOARD_M), *shell.look.roof)
+    under = _triangles(shapely.difference(eaves, outline))[:, ::-1].reshape(-1, 2)
+    _add(shell, at(under), Material.WOOD, shell.look.trim)
+    for line in rings(eaves):
+        board = upright(line[:-1], line[1:], 0.0, 0.0)
+        shell.trim(np.concatenate([at(board[:, :2]), at(board[:, 2:], BOARD_M)], axis=1), Material.WOOD)
+    for line in rings(outline):
+        walls = upright(line[:-1], line[1:], z, z)
+        shell.wall(np.concatenate([walls[:, :2], at(walls[:, 2:])], axis=1))
+
+
 def _rising(shell: Shell, outline: Area, z: float, rise_m: float, *, curved: bool) -> None:
     """Faces that rise from all edges: rings between insets, each in its plane."""
     eaves = shapely.buffer(outline, EAVES_M, join_style="mitre", mitre_limit=2.0)
@@ -110,10 +149,15 @@ def _rising(shell: Shell, outline: Area, z: float, rise_m: float, *, curved: boo
     for part in polygons_of(insets[-1]):
         add_level(shell, part, rises[-1], *shell.look.roof)
     add_level(
-        shell, shapely.difference(eaves, outline), rises[0] - 0.1, Material.WOOD, shell.look.trim, down=True
+        shell,
+        shapely.difference(eaves, outline),
+        rises[0] - BOARD_M,
+        Material.WOOD,
+        shell.look.trim,
+        down=True,
     )
     line = shapely.get_coordinates(shapely.orient_polygons(eaves).exterior)
-    shell.trim(upright(line[:-1], line[1:], rises[0] - 0.1, rises[0]), Material.WOOD)
+    shell.trim(upright(line[:-1], line[1:], rises[0] - BOARD_M, rises[0]), Material.WOOD)
 
 
 def _ring(shell: Shell, low: Area, high: Area, z_low: float, z_high: float) -> None:

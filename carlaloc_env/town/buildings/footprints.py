@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from carlaloc_env.core import clock
+from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh
@@ -17,8 +17,10 @@ from carlaloc_env.town.buildings.buildings import FOUNDATION_M, draw_appearance
 from carlaloc_env.town.buildings.facades import facade
 from carlaloc_env.town.buildings.footprint_roofs import (
     PARAPET_M,
+    USUAL_PITCH_DEG,
     add_footprint_roof,
     add_level,
+    downhill,
     rings,
     roof_rise,
     upright,
@@ -47,6 +49,9 @@ DETAIL_M = 8.0
 """Above this height windows are flush with their wall: cities have many [m]."""
 LEAST_M2 = 4.0
 """Smaller remains are left out [m²]."""
+PLINTH_M = 1.5
+"""On sloping land a floor is level with the highest ground at its walls, but at most so far above the lowest
+[m]."""
 STYLE_OF_USE = {
     "house": ("house", "villa", "clapboard"), "detached": ("house", "villa", "clapboard"),
     "semidetached_house": ("terrace", "house"), "terrace": ("terrace", "townhouse"),
@@ -73,7 +78,7 @@ MATERIALS = {
 """Wall materials by `building:material`."""
 ROOFS = {
     "gabled": "gable", "hipped": "hip", "half-hipped": "hip", "pyramidal": "pyramidal", "mansard": "hip",
-    "gambrel": "gable", "saltbox": "gable", "skillion": "flat", "flat": "flat", "dome": "dome",
+    "gambrel": "gable", "saltbox": "gable", "skillion": "skillion", "flat": "flat", "dome": "dome",
     "onion": "onion",
     "round": "round", "cone": "cone", "quadruple_saltbox": "hip", "side_hipped": "hip", "sawtooth": "flat",
 }  # fmt: skip
@@ -96,8 +101,12 @@ class House:
     """Free height below the whole outline [m]; 0 for none."""
     roof: str
     rise_m: float
+    fall: Array
+    """Direction (2,) in which a roof of one slope falls."""
     base_m: float
     """Height of its floor [m]."""
+    foot_m: float
+    """Lowest ground at its walls below the floor [m]."""
     low_m: float
     """Where its walls begin above the base [m]."""
 
@@ -120,6 +129,7 @@ class Houses:
         seed: int,
     ) -> None:
         self._paved, self._seed = paved, seed
+        self._houses = shapely.STRtree([f.shape for f in features if f.kind == "building"])
         shapely.prepare(roadway)
         shapely.prepare(paved)
         self.all: list[House] = []
@@ -139,7 +149,7 @@ class Houses:
         faces = [np.zeros((0, 4, 3))]
         for house in self.all:
             for outline, low, high in _masses(house):
-                foot = house.base_m + (low if low > 0.0 else -1.0)
+                foot = house.base_m + (low if low > 0.0 else -house.foot_m - 1.0)
                 for line in rings(outline):
                     faces.append(upright(line[:-1], line[1:], foot, house.base_m + high))
         return np.concatenate(faces)
@@ -175,16 +185,32 @@ class Houses:
         look = _look(feature, style, draw)
         roof = _roof(feature, style, outline)
         height = max(feature.number("height_m", 4.0), 2.2)
-        rise = min(roof_rise(outline, roof, feature.number("roof_m", 0.0)), 0.6 * height)
-        corners = np.concatenate(list(rings(whole)))
+        fall = downhill(outline, feature.number("roof_direction_deg", np.nan))
+        tagged = feature.number("roof_m", 0.0)
+        if roof == "skillion" and tagged == 0.0:
+            pitch = np.radians(feature.number("roof_angle_deg", USUAL_PITCH_DEG))
+            grade = float(elementary.sin(pitch) / elementary.cos(pitch))
+            tagged = grade * float(np.ptp(shapely.get_coordinates(outline) @ fall))
+        rise = min(roof_rise(outline, roof, tagged), 0.6 * height)
+        base, lowest = self._floor(feature, whole, ground)
         self.all.append(
             House(
                 name=f"house/{feature.id}", ground=stands, whole=whole, look=look,
                 levels_m=_levels(style, height - rise, int(feature.number("levels", 1.0)), low),
-                open_m=open_m, roof=roof, rise_m=rise, low_m=low,
-                base_m=round(float(ground.height(corners).min()), 4),
+                open_m=open_m, roof=roof, rise_m=rise, fall=fall, low_m=low,
+                base_m=base, foot_m=base - lowest,
             )
         )  # fmt: skip
+
+    def _floor(self, feature: MappedFeature, whole: Area, ground: Terrain) -> tuple[float, float]:
+        """Heights of the floor and of the lowest ground [m]; parts have the floor of their house."""
+        around = whole
+        if ground.sloping and feature.kind == "part":
+            below = self._houses.query(whole.representative_point(), predicate="intersects")
+            around = self._houses.geometries[below[0]] if len(below) else whole
+        z = ground.height(shapely.get_coordinates(around))
+        low, high = round(float(z.min()), 4), round(float(z.max()), 4)
+        return (min(high, low + PLINTH_M) if ground.sloping else low), low
 
     def _mesh(self, number: int, house: House) -> Mesh:
         draw = clock.stream(self._seed, house.name, index=1)
@@ -196,14 +222,15 @@ class Houses:
                 for a, b in itertools.pairwise(line):
                     self._wall(shell, number, a, b, levels, draw)
                 if low == 0.0:
-                    shell.trim(upright(line[:-1], line[1:], -FOUNDATION_M, 0.0))
+                    shell.trim(upright(line[:-1], line[1:], -FOUNDATION_M - house.foot_m, 0.0))
         if house.open_m:
             under = shapely.difference(house.whole, house.ground)
             add_level(shell, under, house.open_m, Material.CONCRETE_PANEL, (214, 212, 206), down=True)
         if house.low_m > 0.0:
             add_level(shell, house.whole, house.low_m, house.look.material, house.look.tint, down=True)
         for part in polygons_of(house.whole):
-            add_footprint_roof(shell, part, float(house.levels_m[-1]), house.roof, house.rise_m, draw)
+            z = float(house.levels_m[-1])
+            add_footprint_roof(shell, part, z, house.roof, house.rise_m, draw, house.fall)
         return shell.out.build()
 
     def _wall(

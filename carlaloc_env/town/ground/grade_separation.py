@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.town.ground.grade_graph import Crossing, RoadGraph, grown, runs
 from carlaloc_env.town.ground.grade_levels import Levels, State, States, cuttings, strips_area
-from carlaloc_env.town.ground.height_fields import GroundGrid
+from carlaloc_env.town.ground.height_fields import NO_LAND, GroundGrid, land_beside
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.terrain import BANK_SLOPE, Zones
 from carlaloc_env.town.ground.water import Water, water_areas, water_level_m
@@ -35,7 +35,9 @@ SHORT_GAP_M = 9
 _BANK_ZONES = ("rural", "highway", "park")
 
 
-def find_levels(strips: Sequence[Strip], low_m: Array, high_m: Array, zones: Zones) -> Levels:
+def find_levels(
+    strips: Sequence[Strip], low_m: Array, high_m: Array, zones: Zones, land_m: Array = NO_LAND
+) -> Levels:
     """Roads that leave the ground: where they cross far above each other, and over waters.
 
     Args:
@@ -43,14 +45,17 @@ def find_levels(strips: Sequence[Strip], low_m: Array, high_m: Array, zones: Zon
         low_m: South-western corner of the town [m], shape (2,).
         high_m: North-eastern corner [m], shape (2,).
         zones: Kinds of scenery with their areas.
+        land_m: Known points of the land (K, 3) [m].
     """
     graph = RoadGraph(strips)
     crossings = graph.crossings(strips)
-    raised, sunken = _regions(graph, crossings)
+    above_m = graph.middle_m[:, 2] - GroundGrid(land_m, low_m, high_m).height(graph.middle_m)
+    raised, sunken = _regions(graph, crossings, above_m)
     basins = water_areas(zones)
     over = _over_water(graph, basins)
     on_ground = ~(raised | sunken | grown_in_strips(graph, over >= 0, 2))
-    grid = GroundGrid(_points(graph, on_ground), low_m, high_m)
+    known = _points(graph, on_ground)
+    grid = GroundGrid(np.concatenate([known, land_beside(land_m, known)]), low_m, high_m)
     waters = _waters(graph, basins, over, grid)
     ground_m = grid.height(graph.middle_m)
     for number, water in enumerate(waters):
@@ -84,14 +89,13 @@ def grown_in_strips(graph: RoadGraph, mask: Mask, rows: int) -> Mask:
     return wide
 
 
-def _regions(graph: RoadGraph, crossings: Sequence[Crossing]) -> tuple[Mask, Mask]:
+def _regions(graph: RoadGraph, crossings: Sequence[Crossing], z: Array) -> tuple[Mask, Mask]:
     """Rows that are raised and rows that are sunken, (M,) each.
 
     At each crossing the smaller of two sets leaves the ground: all that is joined to the upper road above
     half the height between both, or all that is joined to the lower road below it. A set from which no
-    road leads to the other height is itself the ground.
+    road leads to the other height is itself the ground. Heights `z` are above the land where it is known.
     """
-    z = graph.middle_m[:, 2]
     raised, sunken = np.zeros(len(z), dtype=bool), np.zeros(len(z), dtype=bool)
     for crossing in crossings:
         if raised[crossing.high] or sunken[crossing.low]:

@@ -19,7 +19,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import Levels, State, level_fields
 from carlaloc_env.town.ground.grade_separation import find_levels
-from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid, interpolated
+from carlaloc_env.town.ground.height_fields import NO_LAND, EdgeField, GroundGrid, interpolated, land_beside
 from carlaloc_env.town.ground.lane_strips import KERB_M, SAMPLE_M, Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import JunctionArea, TownAreas, corner_edges, town_areas
 from carlaloc_env.town.ground.terrain import MARGIN_M, Terrain, Zones, zone_areas
@@ -259,15 +259,15 @@ class Groundwork:
         return np.where(on, self.kerb.nearest(xy_m)[0] + KERB_M, self.ground.height(xy_m))
 
 
-def lay_groundwork(network: LaneNetwork, config: TownConfig) -> Groundwork:
-    """Groundwork of a map."""
+def lay_groundwork(network: LaneNetwork, config: TownConfig, land_m: Array = NO_LAND) -> Groundwork:
+    """Groundwork of a map, with known points of its land (K, 3) [m]."""
     roads = network.xodr.roads
     strips = lower_walks(road_strips(roads, network.surface))
     bounds = _bounds(strips)
     zones = zone_areas(config, bounds)
     corners = np.array(shapely.bounds(bounds)).reshape(2, 2)
     box = (corners[0], corners[1])
-    levels = find_levels(strips, *box, zones)
+    levels = find_levels(strips, *box, zones, land_m)
     carried = _carried_junctions(levels, strips)
     areas = town_areas(strips, roads, levels.overhead(), frozenset(carried))
     kerb, deck = level_fields(strips, levels, [_road_edges(strip) for strip in strips])
@@ -286,7 +286,7 @@ def lay_groundwork(network: LaneNetwork, config: TownConfig) -> Groundwork:
         deck=deck,
         raised=raised_parts(levels, deck, high, areas.low_paved),
         shore=shore,
-        ground=_ground(areas, kerb, levels, bank_tops(shore), box),
+        ground=_ground(areas, kerb, levels, bank_tops(shore), box, land_m),
         seas=_seas(config, levels),
     )
 
@@ -320,7 +320,12 @@ def _road_edges(strip: Strip) -> list[Array]:
 
 
 def _ground(
-    areas: TownAreas, kerb_field: EdgeField, levels: Levels, shore: Sequence[Array], box: tuple[Array, Array]
+    areas: TownAreas,
+    kerb_field: EdgeField,
+    levels: Levels,
+    shore: Sequence[Array],
+    box: tuple[Array, Array],
+    land_m: Array,
 ) -> Terrain:
     """Heights of the ground: along everything paved that lies on it, along cuts and shores, and between."""
     count = len(levels.graph.prints)
@@ -333,7 +338,8 @@ def _ground(
             lines += corner_edges(junction, kerb_field)
     outer = EdgeField([*lines, *shore], 0.5)
     bank = EdgeField(banks, 0.5) if banks else None
-    return Terrain(edge=outer, grid=GroundGrid(outer.points_m, *box), bank=bank)
+    known = np.concatenate([outer.points_m, land_beside(land_m, outer.points_m)])
+    return Terrain(edge=outer, grid=GroundGrid(known, *box), bank=bank, sloping=len(land_m) > 0)
 
 
 def _seas(config: TownConfig, levels: Levels) -> list[tuple[Area, float]]:

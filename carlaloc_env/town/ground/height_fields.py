@@ -15,6 +15,10 @@ from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
 _GRAIN_M = 2.0**-20
 """Step of solved heights [m]."""
+LAND_GAP_M = 10.0
+"""The land counts so far from roads [m]: they may lie in cuts or on banks."""
+NO_LAND: Array = np.zeros((0, 3))
+"""Points of a land of which nothing is known."""
 HeightOf = Callable[[Array], Array]
 """Height of the ground [m] at points (N, 2) of the world [m]."""
 
@@ -120,6 +124,13 @@ class GroundGrid:
             z[a, b + 1] * (1 - u) + z[a + 1, b + 1] * u
         ) * v
         return result
+
+
+def land_beside(land_m: Array, roads_m: Array) -> Array:
+    """Points of the land (K, 3) that lie off roads, given as points (N, 3) [m]."""
+    if not len(land_m) or not len(roads_m):
+        return land_m
+    return land_m[cKDTree(roads_m[:, :2]).query(land_m[:, :2])[0] > LAND_GAP_M]
 
 
 def distance_along(line_m: Array) -> Array:

@@ -69,6 +69,8 @@ class Terrain:
     """Smooth heights far from roads."""
     bank: EdgeField | None = None
     """Edges of roads on embankments, whose sides fall from them."""
+    sloping: bool = False
+    """Whether heights of the land are known, so that floors of houses are made for slopes."""
 
     def height(self, xy_m: Array) -> Array:
         """Height of the ground [m] at points (M, 2)."""

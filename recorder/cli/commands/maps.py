@@ -39,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     imported.add_argument("--out", type=files, required=True, help="folder of the town")
     option(imported, "--bbox", numbers, "W,S,E,N", "part of the file, in degrees; --bbox=-1.5,… if W < 0")
+    option(imported, "--heights", input_path, "RASTER", "heights of the land, such as a GeoTIFF")
     imported.add_argument("--name", default="", metavar="NAME", help="the town's name (default: the file's)")
     imported.add_argument(
         "--no-preview", action="store_true", help="draw no preview.png, which builds the town"
@@ -128,7 +129,7 @@ def _import(arguments: argparse.Namespace) -> dict[str, Any]:
 
     if arguments.bbox is not None and len(arguments.bbox) != 4:
         raise UsageError(f"--bbox has {len(arguments.bbox)} numbers; give W,S,E,N in degrees")
-    town = import_town(arguments.file, box=arguments.bbox, name=arguments.name)
+    town = import_town(arguments.file, box=arguments.bbox, name=arguments.name, heights=arguments.heights)
     write_town(town, arguments.out)
     if not arguments.no_preview:
         from carlaloc_env.town.build import load_town

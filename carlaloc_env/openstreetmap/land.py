@@ -1,0 +1,140 @@
+"""Heights of the land from a raster of any reference system, such as a GeoTIFF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from pyproj import Transformer
+from scipy.ndimage import distance_transform_edt, map_coordinates
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import MapError, MissingDependencyError
+from carlaloc_env.openstreetmap.extract import Extract
+from carlaloc_env.openstreetmap.features import Feature
+
+CELL_M = 5.0
+"""Side of the cells of the land; finer rasters are averaged to about this [m]."""
+REACH_M = 300.0
+"""How far the land reaches beyond the streets [m]."""
+LEAST_KNOWN = 0.9
+"""A raster that has heights for fewer of the streets' nodes is refused."""
+LOWEST_M, HIGHEST_M = -450.0, 9000.0
+"""Other heights mean that a raster has none there [m]."""
+POINT_M, MOST_POINTS = 10.0, 20_000
+"""Distance of the points that a town's file has of its land [m], and about their number on large ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Land:
+    """Heights on a grid of the world, relative to that of the origin."""
+
+    low_m: Array
+    """South-western corner (2,) [m]."""
+    z_m: Array
+    """Heights (columns to the east, rows to the north) [m]."""
+    origin_m: float
+    """Height of the origin in the raster [m]."""
+    report: dict[str, Any]
+    """Source, lowest, highest and guessed heights."""
+
+    def height(self, xy_m: Array) -> Array:
+        """Heights at world points (N, 2) [m], (N,)."""
+        at = (xy_m - self.low_m) / CELL_M
+        return np.asarray(np.round(map_coordinates(self.z_m, at.T, order=1, mode="nearest"), 4))
+
+    def feature(self, area: shapely.Geometry) -> Feature:
+        """The heights in the rectangle round an area, for the file of a town's features."""
+        low, high = np.reshape(shapely.bounds(area), (2, 2))
+        step = max(POINT_M, CELL_M * np.ceil(np.sqrt(np.prod(high - low) / MOST_POINTS) / CELL_M))
+        # On the nodes of the ground's own grid.
+        xy = _grid(np.floor(low / step) * step, high, step).reshape(-1, 2)
+        return Feature(
+            "land", "raster", shapely.MultiPoint(xy), {"heights_m": self.height(xy).round(2).tolist()}
+        )
+
+
+def read_land(path: Path, extract: Extract) -> Land:
+    """Read a raster round the streets of an extract; cells without a height get that of the nearest.
+
+    Args:
+        path: Its first band holds heights [m].
+        extract: Streets, and the place of the world.
+
+    Raises:
+        MapError: The raster cannot be read, has no reference system, or lies elsewhere.
+        MissingDependencyError: Rasters need rasterio.
+    """
+    nodes = [node for way in extract.ways.values() if "highway" in way.tags for node in way.nodes]
+    streets = extract.line(nodes or list(extract.xy_m))
+    low = np.floor(streets.min(axis=0) - REACH_M)
+    grid = _grid(low, streets.max(axis=0) + REACH_M, CELL_M)
+    geodetic = extract.geo.enu_to_geodetic(np.concatenate([grid, np.zeros((*grid.shape[:2], 1))], axis=2))
+    z = _read(path, geodetic[..., 1], geodetic[..., 0])
+    known = np.isfinite(z)
+    share = float(known[tuple(np.rint((streets - low) / CELL_M).astype(np.int64).T)].mean())
+    if share < LEAST_KNOWN:
+        raise MapError(
+            f"{path} has heights for {100 * share:.0f} % of the streets; give a raster that covers them all"
+        )
+    z = z[tuple(distance_transform_edt(~known, return_distances=False, return_indices=True))]
+    report = {
+        "raster": path.name,
+        "lowest_m": round(float(z.min()), 1),
+        "highest_m": round(float(z.max()), 1),
+        "filled_from_neighbours": round(float(1.0 - known.mean()), 4),
+    }
+    land = Land(low_m=low, z_m=z, origin_m=0.0, report=report)
+    origin_m = round(float(land.height(np.zeros((1, 2)))[0]), 2)
+    return replace(land, z_m=z - origin_m, origin_m=origin_m)
+
+
+def _grid(low: Array, high: Array, step: float) -> Array:
+    axes = [np.arange(a, b + step, step) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def _read(path: Path, longitude_deg: Array, latitude_deg: Array) -> Array:
+    """Heights at places, NaN where the raster has none."""
+    try:
+        import rasterio
+    except ImportError as error:
+        raise MissingDependencyError(
+            "heights need rasterio: pip install 'carlaloc-env[heights]', or leave --heights out"
+        ) from error
+    try:
+        with rasterio.open(path) as source:
+            if source.crs is None:
+                raise MapError(
+                    f"{path} names no reference system; add one: rio edit-info --crs EPSG:… {path}"
+                )
+            system = Transformer.from_crs("EPSG:4326", source.crs.to_wkt(), always_xy=True)
+            places = np.stack(~source.transform * system.transform(longitude_deg, latitude_deg))[::-1]
+            size = np.array([source.height, source.width])
+            inside = np.all((places >= 0) & (places <= size[:, None, None]), axis=0)
+            first = np.clip(np.floor(places.min(axis=(1, 2))) - 1, 0, size)
+            last = np.clip(np.ceil(places.max(axis=(1, 2))) + 1, 0, size)
+            count = last - first
+            if not inside.any():
+                return np.full(inside.shape, np.nan)
+            # Both spans cover the same ground: pixels for each cell of the grid.
+            fine = max(1.0, float(np.sqrt(count.prod() / inside.size)))
+            shape = np.ceil(count / fine).astype(int)
+            band = source.read(
+                1,
+                window=rasterio.windows.Window(first[1], first[0], count[1], count[0]),
+                out_shape=tuple(shape.tolist()),
+                masked=True,
+                resampling=rasterio.enums.Resampling.average,
+            )
+            factor, offset = source.scales[0], source.offsets[0]
+    except rasterio.errors.RasterioError as error:
+        raise MapError(f"cannot read {path}: {error}; give a GeoTIFF of heights") from error
+    values = band.astype(np.float64).filled(np.nan) * factor + offset
+    values[(values < LOWEST_M) | (values > HIGHEST_M)] = np.nan
+    at = (places - first[:, None, None]) * (shape / count)[:, None, None] - 0.5
+    z: Array = map_coordinates(values, at, order=1, mode="nearest")
+    return np.where(inside, z, np.nan)
