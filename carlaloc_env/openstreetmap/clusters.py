@@ -179,8 +179,9 @@ def _set_back(cluster: Cluster, chains: Sequence[Chain]) -> None:
         return
     lengths = [chains[end.chain].length_m for end in ends]
     if len(ends) == 2 and not cluster.inner:
+        usual = LEAST_M if ends[0].node in chains[ends[0].chain].lit else CHANGE_M
         for end, length in zip(ends, lengths, strict=True):
-            end.setback_m = max(LEAST_M, min(CHANGE_M, 0.5 * length - ROAD_M))
+            end.setback_m = max(LEAST_M, min(usual, 0.5 * length - ROAD_M))
     for end, other in itertools.combinations(ends, 2):
         _apart(end, other)
     for _ in range(14):

@@ -75,15 +75,18 @@ def _furnish(
     around = [_near(end, chains, LIGHTS_M) for end in ends]
     lit = any(signs.get(node) == "signals" for node in inside.union(*around))
     crossed = len(legs) > 2 and sum(leg.incoming != [] for leg in legs) > 1
-    lights = lit and crossed
+    # A lit crossing between junctions lies on the first leg from which traffic comes.
+    alone = next((i for i, e in enumerate(ends) if e.enters and e.node in chains[e.chain].lit), None)
+    lights = (lit and crossed) or alone is not None
     minor = {} if lights or not crossed else _minor(junction, chains, signs)
     backs = []
     for i, (end, leg) in enumerate(zip(ends, legs, strict=True)):
         nodes = [n for n in _near(end, chains, CROSSING_M) if "crossing" in signs.get(n, "")]
         room = leg.road.length > SHORTEST_M
-        crosswalk = room and crossed and bool(nodes or (lights and max(end.street.walks) > 0))
+        walked = crossed and bool(nodes or (lights and max(end.street.walks) > 0))
+        crosswalk = room and (walked or i == alone)
         if crosswalk:
-            painted |= set(nodes)
+            painted |= {*nodes, *junction.cluster.nodes}
         stops = (lights or i in minor) and leg.road.length > 3.0
         backs.append(mark_leg(leg, network.numbers, crosswalk=crosswalk, stop_line=stops))
     if lights:

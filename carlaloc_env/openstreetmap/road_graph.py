@@ -13,7 +13,7 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.openstreetmap.extract import Extract, Way
-from carlaloc_env.openstreetmap.tags import Street, direction, for_cars
+from carlaloc_env.openstreetmap.tags import Street, direction, for_cars, signed_nodes
 from carlaloc_env.openstreetmap.turning_places import (
     FIRST_ID,
     Segment,
@@ -30,6 +30,8 @@ TURN_BACK_M, TURNED_BACK = 20.0, -0.65
 """A one-way street turns back if the directions so far before and behind its apex [m] have this cosine."""
 PART_M = 30.0
 """Parts of a street with other numbers of lanes that are shorter are built like their neighbours [m]."""
+BLOCK_M = 45.0
+"""Lit crossings so far from a junction and from each other have lights of their own [m]."""
 
 
 def stations_m(line: Array) -> Array:
@@ -55,6 +57,8 @@ class Chain:
     line: Array
     """World points (N, 2) of the nodes [m]."""
     pieces: list[Piece]
+    lit: frozenset[int] = frozenset()
+    """Ends that are lit crossings."""
 
     @property
     def oneway(self) -> bool:
@@ -210,7 +214,7 @@ def _chains(segments: Sequence[Segment], extract: Extract, street_of: Callable[[
         elif u in through and first in starts:
             continue  # A one-way street that is reached from its beginning.
         chains.append(_walk(first, u, segments, at, through, used, extract, street_of))
-    cut = [part for chain in chains for part in _by_lanes(chain)]
+    cut = [part for chain in chains for piece in _by_lanes(chain) for part in _at_lights(piece, extract)]
     # A ring that begins and ends at one junction is cut in its middle.
     rings = [chain.nodes[0] == chain.nodes[-1] and len(chain.nodes) > 3 for chain in cut]
     return [part for chain, ring in zip(cut, rings, strict=True)
@@ -242,6 +246,20 @@ def _by_lanes(chain: Chain) -> list[Chain]:
                 piece.street = replace(piece.street, lanes=lanes, turns=((), ()))
     cuts = [b[0] for a, b in itertools.pairwise(groups) if a[2] != b[2]]
     return _split(chain, cuts)
+
+
+def _at_lights(chain: Chain, extract: Extract) -> list[Chain]:
+    """The chain, cut at lit crossings far from its ends: there they are junctions of two legs."""
+    steps, cuts = chain.stations_m, [0]
+    for k, node in enumerate(chain.nodes):
+        lit = signed_nodes(extract.node_tags.get(node, {})) == "lit crossing"
+        room = min(steps[k] - steps[cuts[-1]], steps[-1] - steps[k])
+        if lit and room >= BLOCK_M and not _bent(chain, steps, k):
+            cuts.append(k)
+    found = _split(chain, cuts[1:])
+    for before, after in itertools.pairwise(found):
+        before.lit, after.lit = before.lit | {after.nodes[0]}, after.lit | {after.nodes[0]}
+    return found
 
 
 def _bent(chain: Chain, steps: Array, at: int) -> bool:

@@ -15,6 +15,7 @@ from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.routing.route import plan_route
+from carlaloc_env.traffic.signals import SignalPlan, SignalState
 
 
 def middles(network: LaneNetwork, kind: str) -> np.ndarray:
@@ -201,3 +202,30 @@ def test_acute_legs(angle_deg: float, tmp_path: Path) -> None:
     _, network = made(sketch, tmp_path)
     beyond_the_fork = np.linspace(0.5, 0.95, 40)[:, None] * (x, y)
     assert covered(network, beyond_the_fork - (0.0, y / 2)) == 1.0
+
+
+@pytest.mark.parametrize("oneway", ["no", "yes"])
+def test_lit_crossings_between_junctions_have_lights(oneway: str, tmp_path: Path) -> None:
+    """All traffic stops at once, long enough to walk; unlit ones have none, near ones are a junction's."""
+    sketch = Sketch()
+    sketch.way((-200, 0), (-100, 0), (0, 0), (20, 0), (100, 0), (200, 0), highway="secondary", oneway=oneway)
+    sketch.way((200, 0), (200, -100), (-200, -100), (-200, 0), highway="residential", oneway=oneway)
+    sketch.way((0, 0), (0, -100), highway="residential")
+    for x, kind in ((-100, "traffic_signals"), (20, "traffic_signals"), (100, "uncontrolled")):
+        sketch.node(x, 0, highway="crossing", crossing=kind)
+    _, network = made(sketch, tmp_path)
+    places = np.array([signal.T_world_signal[:2, 3] for signal in network.signals]) - (0.0, 50.0)
+    near = [k for k, at in enumerate(places) if np.hypot(*(at - (-100.0, 0.0))) < 25.0]
+    assert len(near) == (1 if oneway == "yes" else 2)
+    assert all(np.hypot(*at) < 40.0 for k, at in enumerate(places) if k not in near)
+    heads = [network.signals[k] for k in near]
+    assert len({head.junction_id for head in heads}) == 1
+    assert all(head.lanes and head.junction_lanes for head in heads)
+    plan = SignalPlan.from_network(network)
+    shown = np.array([plan.at(round(second * 1e9)).state[near] for second in np.arange(0.0, 120.0, 0.5)])
+    assert (shown == shown[:, :1]).all()
+    stopped = shown[:, 0] == SignalState.RED
+    assert 0.2 < stopped.mean() < 0.6
+    middles = np.array([(walk.start_m + walk.end_m)[:2] / 2 for walk in network.crosswalks]) - (0.0, 50.0)
+    assert (np.hypot(*(middles - (-100.0, 0.0)).T) < 9.0).sum() == 1
+    assert (np.hypot(*(middles - (100.0, 0.0)).T) < 15.0).sum() == 1
