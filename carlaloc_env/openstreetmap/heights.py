@@ -299,7 +299,7 @@ class _Programme:
         return low
 
     def _smooth(self) -> None:
-        """Grades and vertical curves along every chain; on sloping land both have slack, which costs much."""
+        """Grades and vertical curves along every chain."""
         bend_cost = _BEND_COST if self._land is None else _LAND_BEND_COST
         for k, chain in enumerate(self._chains):
             own, rise, s = self._variables[k].tolist(), self._rises[k], self._stations[k]
@@ -307,23 +307,24 @@ class _Programme:
             radius = FAST_RADIUS_M if chain.street.speed_kmh > FAST_KMH else RADIUS_M
             for n, (a, b) in enumerate(itertools.pairwise(own)):
                 if a != b:
-                    slack = self._slack()
+                    slack, less = self._slack()
                     for sign in (1.0, -1.0):
                         bound = STEEPEST * step - sign * float(rise[n] - rise[n + 1])
-                        self._rows.append(([a, b, *slack], [sign, -sign, *(-1.0 for _ in slack)], bound))
+                        self._rows.append(([a, b, *slack], [sign, -sign, *less], bound))
             for n, columns in enumerate(zip(own, own[1:], own[2:], strict=False)):
                 if len(set(columns)) == 1:
                     continue
-                bend, slack = self._extra(bend_cost), self._slack()
+                bend, (slack, less) = self._extra(bend_cost), self._slack()
                 bent = float(rise[n] - 2.0 * rise[n + 1] + rise[n + 2])
                 for sign in (1.0, -1.0):
                     factors, known = [sign, -2.0 * sign, sign], sign * bent
                     limit = step * step / radius - known
-                    self._rows.append(([*columns, *slack], [*factors, *(-1.0 for _ in slack)], limit))
+                    self._rows.append(([*columns, *slack], [*factors, *less], limit))
                     self._rows.append(([*columns, bend], [*factors, -1.0], -known))
 
-    def _slack(self) -> list[int]:
-        return [] if self._land is None else [self._extra(_STEEP_COST)]
+    def _slack(self) -> tuple[list[int], list[float]]:
+        """A column and its factor on sloping land, where grades and vertical curves may be missed."""
+        return ([], []) if self._land is None else ([self._extra(_STEEP_COST)], [-1.0])
 
     def _clear(self) -> None:
         """Clearances, and variables of what they lack."""

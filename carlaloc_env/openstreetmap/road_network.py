@@ -78,23 +78,6 @@ class Junction:
 
 
 @dataclass(slots=True)
-class RoadNetwork:
-    """Parts of a map, and what could not be built."""
-
-    roads: list[RoadPart] = field(default_factory=list)
-    junctions: list[Junction] = field(default_factory=list)
-    parts: list[JunctionPart] = field(default_factory=list)
-    controllers: list[ControllerPart] = field(default_factory=list)
-    numbers: Numbers = field(default_factory=Numbers)
-    of_chain: dict[int, RoadPart] = field(default_factory=dict)
-    """Road of every chain that is not inside a junction."""
-    tight: list[Tight] = field(default_factory=list)
-    """Turns that would be too tight."""
-    heights: Heights = field(default_factory=lambda: Heights())
-    """Heights of its streets."""
-
-
-@dataclass(slots=True)
 class Crossing:
     """Two streets of different levels, or a street and a railway, one above the other."""
 
@@ -123,6 +106,23 @@ class Heights:
         return Plane(0.0, 0.0, 0.0)
 
 
+@dataclass(slots=True)
+class RoadNetwork:
+    """Parts of a map, and what could not be built."""
+
+    heights: Heights
+    """Heights of its streets."""
+    roads: list[RoadPart] = field(default_factory=list)
+    junctions: list[Junction] = field(default_factory=list)
+    parts: list[JunctionPart] = field(default_factory=list)
+    controllers: list[ControllerPart] = field(default_factory=list)
+    numbers: Numbers = field(default_factory=Numbers)
+    of_chain: dict[int, RoadPart] = field(default_factory=dict)
+    """Road of every chain that is not inside a junction."""
+    tight: list[Tight] = field(default_factory=list)
+    """Turns that would be too tight."""
+
+
 def build_network(
     chains: Sequence[Chain],
     clusters: Sequence[Cluster],
@@ -146,7 +146,7 @@ def build_network(
         needed: Turns that are built though they are tight and others lead on.
         yellow: Whether centre lines are yellow.
     """
-    network = RoadNetwork()
+    network = RoadNetwork(heights)
     setback = {(end.chain, end.side): end for cluster in clusters for end in cluster.ends}
     streets = shapely.STRtree([shapely.LineString(chain.line) for chain in chains])
     for cluster in clusters:
@@ -165,7 +165,7 @@ def build_network(
             network.of_chain[k] = part
     for cluster in clusters:
         if cluster.ends:
-            _junction(cluster, chains, network, heights, banned, memo, needed)
+            _junction(cluster, chains, network, banned, memo, needed)
     return network
 
 
@@ -257,7 +257,6 @@ def _junction(
     cluster: Cluster,
     chains: Sequence[Chain],
     network: RoadNetwork,
-    heights: Heights,
     banned: Mapping[tuple[int, int], frozenset[int]],
     memo: Memo,
     needed: Container[Turn],
@@ -273,16 +272,7 @@ def _junction(
             leg.road.successor = link
         else:
             leg.road.predecessor = link
-    plane = heights.of_cluster(cluster)
-    if len(legs) == 1:
-        count = min(len(legs[0].incoming), len(legs[0].outgoing))
-        back = [Movement(0, 0, tuple((k, k) for k in range(count)), "back")] if count else []
-        if back:
-            start = legs[0].border(legs[0].pose, legs[0].incoming[0].right_m)
-            path = _bulb_path(start, cluster.ends[0].street)
-            network.roads.append(_connect(back[0], part, legs, path, numbers, plane))
-        network.junctions.append(Junction(cluster, part, legs, back))
-        return
+    plane = network.heights.of_cluster(cluster)
     allowed = _allowed(cluster, chains, banned)
     marks = [end.street.turns[1 - end.side] for end in cluster.ends]
     found = find_movements(legs, allowed, marks)

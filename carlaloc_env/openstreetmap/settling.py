@@ -60,7 +60,6 @@ def settle(
         if not lost:
             heights = heights_of(kept, clusters)
             network = build_network(kept, clusters, heights, banned, solid, memo, needed, yellow=yellow)
-            network.heights = heights
             return network, kept, dropped
         # Turns that were left out may be those that lead on.
         ways_on = {t.turn for t in network.tight if not t.built and {t.source.chain, t.target.chain} & lost}
