@@ -16,8 +16,8 @@ from carlaloc_env.core.errors import MapError, MissingDependencyError
 from carlaloc_env.openstreetmap.extract import Extract
 from carlaloc_env.openstreetmap.features import Feature
 
-CELL_M = 5.0
-"""Side of the cells of the land; finer rasters are averaged to about this [m]."""
+CELL_M, MOST_CELLS = 5.0, 4_000_000
+"""Side of the cells of the land, to which finer rasters are averaged [m]; and the most cells."""
 REACH_M = 300.0
 """How far the land reaches beyond the streets [m]."""
 LEAST_KNOWN = 0.9
@@ -34,6 +34,8 @@ class Land:
 
     low_m: Array
     """South-western corner (2,) [m]."""
+    cell_m: float
+    """Side of its cells [m]."""
     z_m: Array
     """Heights (columns to the east, rows to the north) [m]."""
     origin_m: float
@@ -43,7 +45,7 @@ class Land:
 
     def height(self, xy_m: Array) -> Array:
         """Heights at world points (N, 2) [m], (N,)."""
-        at = (xy_m - self.low_m) / CELL_M
+        at = (xy_m - self.low_m) / self.cell_m
         return np.asarray(np.round(map_coordinates(self.z_m, at.T, order=1, mode="nearest"), 4))
 
     def feature(self, area: shapely.Geometry) -> Feature:
@@ -70,12 +72,13 @@ def read_land(path: Path, extract: Extract) -> Land:
     """
     nodes = [node for way in extract.ways.values() if "highway" in way.tags for node in way.nodes]
     streets = extract.line(nodes or list(extract.xy_m))
-    low = np.floor(streets.min(axis=0) - REACH_M)
-    grid = _grid(low, streets.max(axis=0) + REACH_M, CELL_M)
+    low, high = np.floor(streets.min(axis=0) - REACH_M), streets.max(axis=0) + REACH_M
+    cell = max(CELL_M, float(np.ceil(np.sqrt(np.prod(high - low) / MOST_CELLS))))
+    grid = _grid(low, high, cell)
     geodetic = extract.geo.enu_to_geodetic(np.concatenate([grid, np.zeros((*grid.shape[:2], 1))], axis=2))
     z = _read(path, geodetic[..., 1], geodetic[..., 0])
     known = np.isfinite(z)
-    share = float(known[tuple(np.rint((streets - low) / CELL_M).astype(np.int64).T)].mean())
+    share = float(known[tuple(np.rint((streets - low) / cell).astype(np.int64).T)].mean())
     if share < LEAST_KNOWN:
         raise MapError(
             f"{path} has heights for {100 * share:.0f} % of the streets; give a raster that covers them all"
@@ -87,7 +90,7 @@ def read_land(path: Path, extract: Extract) -> Land:
         "highest_m": round(float(z.max()), 1),
         "filled_from_neighbours": round(float(1.0 - known.mean()), 4),
     }
-    land = Land(low_m=low, z_m=z, origin_m=0.0, report=report)
+    land = Land(low_m=low, cell_m=cell, z_m=z, origin_m=0.0, report=report)
     origin_m = round(float(land.height(np.zeros((1, 2)))[0]), 2)
     return replace(land, z_m=z - origin_m, origin_m=origin_m)
 
@@ -112,7 +115,8 @@ def _read(path: Path, longitude_deg: Array, latitude_deg: Array) -> Array:
                     f"{path} names no reference system; add one: rio edit-info --crs EPSG:… {path}"
                 )
             system = Transformer.from_crs("EPSG:4326", source.crs.to_wkt(), always_xy=True)
-            places = np.stack(~source.transform * system.transform(longitude_deg, latitude_deg))[::-1]
+            (x, y), cells = system.transform(longitude_deg, latitude_deg), ~source.transform
+            places = np.stack([cells.d * x + cells.e * y + cells.f, cells.a * x + cells.b * y + cells.c])
             size = np.array([source.height, source.width])
             inside = np.all((places >= 0) & (places <= size[:, None, None]), axis=0)
             first = np.clip(np.floor(places.min(axis=(1, 2))) - 1, 0, size)

@@ -188,15 +188,10 @@ def _limit(text: str | None, country: Country) -> float | None:
 
 
 def _usual_limit(kind: str, country: Country, in_town: bool) -> float:
-    if kind == "living_street":
-        return 10.0
-    if kind == "motorway":
-        return country.motorway_kmh
+    usual = country.town_kmh if in_town else country.country_kmh
     if kind.endswith("_link"):
-        return min(country.country_kmh, 60.0)
-    if in_town:
-        return country.town_kmh
-    return country.country_kmh
+        usual = min(country.country_kmh, 60.0)
+    return {"living_street": 10.0, "motorway": country.motorway_kmh}.get(kind, usual)
 
 
 def _walks(tags: Tags, kind: str, limit_kmh: float, in_town: bool) -> tuple[tuple[float, float], bool]:
@@ -224,21 +219,14 @@ def _level(tags: Tags) -> int:
     if tags.get("tunnel") == "building_passage":
         return 0
     level = layer(tags)
-    bridge = tags.get("bridge", "no") not in ("no", "boardwalk")
-    tunnel = tags.get("tunnel", "no") not in ("no", "culvert")
-    if bridge and level <= 0:
-        level = 1
-    if tunnel and level >= 0:
-        level = -1
-    return level
+    if tags.get("tunnel", "no") not in ("no", "culvert"):
+        return min(level, -1)
+    return max(level, 1) if tags.get("bridge", "no") not in ("no", "boardwalk") else level
 
 
 def _kind(kind: str, in_town: bool) -> str:
-    if kind == "motorway":
-        return "motorway"
-    if kind == "living_street":
-        return "lowSpeed"
-    return "town" if in_town else "rural"
+    usual = "town" if in_town else "rural"
+    return {"motorway": "motorway", "living_street": "lowSpeed"}.get(kind, usual)
 
 
 _SURFACES = {
@@ -251,8 +239,7 @@ _SURFACES = {
 def signed_nodes(extract_tags: Tags) -> str:
     """Kind of sign at a node: `signals`, `stop`, `give_way`, `crossing` or nothing."""
     kind = extract_tags.get("highway", "")
-    if kind == "traffic_signals":
-        return "signals"
-    if kind == "crossing":
-        return "lit crossing" if extract_tags.get("crossing") == "traffic_signals" else "crossing"
-    return {"stop": "stop", "give_way": "give_way"}.get(kind, "")
+    if kind == "crossing" and extract_tags.get("crossing") == "traffic_signals":
+        return "lit crossing"
+    signs = {"traffic_signals": "signals", "crossing": "crossing", "stop": "stop", "give_way": "give_way"}
+    return signs.get(kind, "")

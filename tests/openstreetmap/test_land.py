@@ -23,6 +23,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.ground_plan import Groundwork, lay_groundwork
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.mapped import land_points, of_kind, read_mapped
+from recorder.cli.main import main
 
 BASE_M = 210.0
 """Height of the land at the origin [m]."""
@@ -181,6 +182,14 @@ def test_rasters_that_do_not_fit_give_one_line(how: dict[str, Any], words: str, 
     with pytest.raises(CarlaLocError, match=words) as error:
         import_town(tmp_path / "a.osm", heights=path)
     assert "\n" not in str(error.value)
+
+
+def test_the_command_takes_a_raster(tmp_path: Path) -> None:
+    path = raster(tmp_path / "a.tif", village(), "EPSG:32633")
+    out = tmp_path / "town"
+    command = ["maps", "import", str(tmp_path / "a.osm"), "--heights", str(path), "--out", str(out)]
+    assert main([*command, "--no-preview"]) == 0
+    assert json.loads((out / "report.json").read_text())["heights"]["raster"] == "a.tif"
 
 
 def test_what_is_no_raster_gives_one_line(tmp_path: Path) -> None:
