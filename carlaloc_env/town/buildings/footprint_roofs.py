@@ -80,6 +80,12 @@ def downhill(outline: Area, bearing_deg: float) -> Array:
     return np.array([y, -x])
 
 
+def towards(points: Array, direction: Array) -> Array:
+    """How far points (..., 2 or more) lie along a direction (2,) [m]."""
+    result: Array = points[..., 0] * direction[0] + points[..., 1] * direction[1]
+    return result
+
+
 def _rectangle(outline: Area) -> Array | None:
     """Corners of a rectangle, its longer side first, anticlockwise; None for other outlines."""
     if outline.interiors:
@@ -117,11 +123,11 @@ def _flat(shell: Shell, outline: Area, z: float) -> None:
 
 def _sloping(shell: Shell, outline: Area, z: float, rise_m: float, fall: Array) -> None:
     """Boards on one plane, which falls to z at the walls of its foot; the other walls go up to it."""
-    down = shapely.get_coordinates(outline) @ fall
+    down = towards(shapely.get_coordinates(outline), fall)
     grade = rise_m / float(np.ptp(down))
 
     def at(points: Array, over_m: float = 0.0) -> Array:
-        height = z + grade * (down.max() - points[..., :2] @ fall) + over_m
+        height = z + grade * (down.max() - towards(points, fall)) + over_m
         return np.concatenate([points[..., :2], height[..., None]], axis=-1)
 
     eaves = shapely.buffer(outline, EAVES_M, join_style="mitre", mitre_limit=2.0)

@@ -23,6 +23,7 @@ from carlaloc_env.town.buildings.footprint_roofs import (
     downhill,
     rings,
     roof_rise,
+    towards,
     upright,
 )
 from carlaloc_env.town.buildings.styles import SLATES, STYLES, TILES, ZONE_STYLES, Style
@@ -190,7 +191,7 @@ class Houses:
         if roof == "skillion" and tagged == 0.0:
             pitch = np.radians(feature.number("roof_angle_deg", USUAL_PITCH_DEG))
             grade = float(elementary.sin(pitch) / elementary.cos(pitch))
-            tagged = grade * float(np.ptp(shapely.get_coordinates(outline) @ fall))
+            tagged = grade * float(np.ptp(towards(shapely.get_coordinates(outline), fall)))
         rise = min(roof_rise(outline, roof, tagged), 0.6 * height)
         base, lowest = self._floor(feature, whole, ground)
         self.all.append(
