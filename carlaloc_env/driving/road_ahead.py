@@ -15,6 +15,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.driving.narrow_bends import narrow_bend_m
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -288,6 +289,9 @@ class RoadAhead:
         # A leader's own gap is exact to a sample.
         if standing < (np.inf if gap is None else gap - _SAMPLE_M):
             gap, leader_speed = standing, 0.0
+        bend = narrow_bend_m(path, ahead, speed_mps, actors, catalog)
+        if bend < (np.inf if gap is None else gap):
+            gap, leader_speed = bend, 0.0
         crossing = crossing_traffic(route, s, speed_mps, actors, catalog)
         if crossing is not None and (gap is None or crossing[0] < gap):
             gap, leader_speed = crossing

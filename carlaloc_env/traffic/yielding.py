@@ -10,7 +10,7 @@ Exit clearance: room behind a junction, so that no vehicle comes to a stand insi
 import numpy as np
 
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.conflict_zones import MERGING, PARTING
+from carlaloc_env.traffic.tables.conflict_zones import CROSSING, MERGING, PARTING
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
 from carlaloc_env.traffic.tables.vehicle_state import (
@@ -145,11 +145,20 @@ _GOES_FIRST_S = 5.0
 """So long it keeps going before them: to have begun is not to be through [s]."""
 _BEFORE_ZONE_M = 0.6
 """Gap to a zone before which a vehicle stops [m]."""
+_NOSE_M = 1.0
+"""A front so far inside a zone does not bar it: zones begin 2.9 m before the other lane's middle [m]."""
+_HARD_BRAKING_MPS2 = 6.0
+"""Braking of a vehicle that stops there at most [m/s²]."""
+_EGO_BRAKING_MPS2 = 3.0
+"""Braking that a vehicle which can no longer stop there expects of the ego [m/s²]."""
 
 
 @compiled
 def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
     """Stop before zones on the path that a vehicle admitted earlier, or one standing there, holds.
+
+    Before the ego, whose way on is not known, a vehicle stops at the edge of the first zone, or drives on
+    through all. Between them it would stand in the ego's way, and each would wait for the other.
 
     Writes `fleet.stop_gap_m` and `goes_first_s`, each (N + 1,), for the first `count` vehicles.
     """
@@ -158,6 +167,7 @@ def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet
             fleet.goes_first_s[v] = _GOES_FIRST_S
         else:
             fleet.goes_first_s[v] = max(fleet.goes_first_s[v] - STEP_S, 0.0)
+        passes = _passes_ego(roads, drivers, fleet, v)
         for slot in range(HELD):
             lane = fleet.held_lane[v, slot]
             if lane < 0:
@@ -165,11 +175,40 @@ def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet
             front = fleet.held_front_m[v, slot]
             for z in range(roads.lane.zone_first[lane], roads.lane.zone_end[lane]):
                 to_zone = roads.zone.enter_m[z] - front
-                if roads.zone.kind[z] == PARTING or to_zone < 0.0:
+                at_edge = fleet.speed_mps[-1] >= STANDING_MPS and _halts_at_edge(roads, fleet, v, z, to_zone)
+                if roads.zone.kind[z] == PARTING or (to_zone < 0.0 and not at_edge):
                     continue
-                if _must_wait(requests, roads, drivers, fleet, v, slot, z, to_zone):
+                if _must_wait(requests, roads, drivers, fleet, v, slot, z, to_zone, passes):
                     gap = max(to_zone - _BEFORE_ZONE_M, 0.0)
                     fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], gap)
+
+
+@compiled
+def _passes_ego(roads: Roads, drivers: Drivers, fleet: Fleet, v: int) -> bool:
+    """Whether vehicle v can no longer stop before zones of the ego, and the ego has room to brake."""
+    bars, ego_gap_m, ego_mps = False, np.inf, fleet.speed_mps[-1]
+    for slot in range(HELD):
+        lane, front = fleet.held_lane[v, slot], fleet.held_front_m[v, slot]
+        if lane < 0:
+            continue
+        for z in range(roads.lane.zone_first[lane], roads.lane.zone_end[lane]):
+            passed = front - drivers.length_m[v] > roads.zone.leave_m[z]
+            for k in range(HELD):
+                if (
+                    fleet.held_lane[-1, k] == roads.zone.other[z]
+                    and roads.zone.kind[z] == CROSSING
+                    and not passed
+                ):
+                    bars = bars or not _halts_at_edge(roads, fleet, v, z, roads.zone.enter_m[z] - front)
+                    ego_gap_m = min(ego_gap_m, roads.zone.other_enter_m[z] - fleet.held_front_m[-1, k])
+    return bool(bars and ego_mps * ego_mps < 2.0 * _EGO_BRAKING_MPS2 * ego_gap_m)
+
+
+@compiled
+def _halts_at_edge(roads: Roads, fleet: Fleet, v: int, z: int, to_zone_m: float) -> bool:
+    """Whether vehicle v can come to a stand where it does not bar the crossing zone z."""
+    rest, speed = to_zone_m + _NOSE_M, fleet.speed_mps[v]
+    return bool(roads.zone.kind[z] == CROSSING and speed * speed < 2.0 * _HARD_BRAKING_MPS2 * rest)
 
 
 @compiled
@@ -182,12 +221,16 @@ def _must_wait(
     slot: int,
     z: int,
     to_zone_m: float,
+    passes: bool,
 ) -> bool:
-    """Whether vehicle v, its front `to_zone_m` before zone z, must stop for a holder of the other lane."""
-    other = roads.zone.other[z]
+    """Whether vehicle v, its front `to_zone_m` before zone z, must stop for a holder of the other lane.
+
+    Behind the zone's edge it stops for the ego alone, and not if it `passes`.
+    """
+    other, me = roads.zone.other[z], len(fleet.speed_mps) - 1
     for index in range(requests.holder_first[other], requests.holder_first[other + 1]):
         h, h_slot = requests.holder[index] // HELD, requests.holder[index] % HELD
-        if h == v:
+        if h == v or (passes if h == me else to_zone_m < 0.0):
             continue
         h_front = fleet.held_front_m[h, h_slot]
         if h_front - drivers.length_m[h] > roads.zone.other_leave_m[z]:

@@ -1,0 +1,66 @@
+"""Narrow bends: where the ego's front swings into the next lane, it gives way to oncoming vehicles."""
+
+import numpy as np
+
+from carlaloc_env.core import elementary
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
+from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.town.routing.route import RoutePose
+
+_RANGE_M = 45.0
+"""Distance within which bends are looked for [m]."""
+_ONCOMING_RAD = 2.2
+"""Vehicles at a greater angle to the route are oncoming [rad]."""
+_STANDING_MPS = 0.7
+"""Slower vehicles stand [m/s]."""
+_SIDE_M = 0.1
+"""Room between both vehicles [m]."""
+_PACE_MPS = (3.0, 5.0)
+"""Speeds at which the ego drives through such bends, the least and the greatest [m/s]."""
+
+
+def narrow_bend_m(
+    path: RoutePose, ahead_m: Array, speed_mps: float, actors: ActorFrame, catalog: ActorCatalog
+) -> float:
+    """Way to the first bend in which the ego would touch an oncoming vehicle [m]; infinite if there is none.
+
+    The ego's rear axle follows the route, and its outer front corner runs wider. Oncoming vehicles are taken
+    to keep their speed and their distance from the route. A bend that the ego is in already is left.
+
+    Args:
+        path: The ego's route ahead at P places.
+        ahead_m: Their distances from `base_link` [m], (P,).
+        speed_mps: The ego's speed [m/s].
+        actors: State of all N actors now.
+        catalog: Their catalogue.
+    """
+    if len(ahead_m) < 3:
+        return np.inf
+    bend = np.gradient(np.unwrap(path.heading_rad), ahead_m)
+    side = 1.0 / np.maximum(np.abs(bend), 1e-4) + 0.5 * EGO_SIZE_M[1]
+    corner_m = np.sqrt(side * side + EGO_FRONT_M * EGO_FRONT_M) - side + 0.5 * EGO_SIZE_M[1]
+    away = actors.position_m[:, :2].astype(np.float64) - path.position_m[0, :2]
+    moving = (actors.speed_mps > _STANDING_MPS) & (np.hypot(away[:, 0], away[:, 1]) < ahead_m[-1])
+    index = np.flatnonzero(moving)
+    delta = actors.position_m[index, None].astype(np.float64) - path.position_m
+    closest = np.argmin(delta[..., 0] ** 2 + delta[..., 1] ** 2, axis=1)
+    delta, heading = delta[np.arange(len(index)), closest], path.heading_rad[closest]
+    left_m = delta[:, 1] * elementary.cos(heading) - delta[:, 0] * elementary.sin(heading)
+    angle = wrap_angle(actors.heading_rad[index].astype(np.float64) - heading)
+    half = 0.5 * catalog.size_m[index].astype(np.float64)
+    oncoming = (np.abs(angle) > _ONCOMING_RAD) & (np.abs(delta[:, 2]) < 3.0)
+    oncoming &= (closest > 0) & (closest < len(ahead_m) - 1)
+    tight = (corner_m + half[:, 1:2] + _SIDE_M > np.abs(left_m[:, None])) & (bend * left_m[:, None] < 0.0)
+    tight &= oncoming[:, None] & (ahead_m < _RANGE_M)
+    first = np.argmax(tight, axis=1)
+    last = np.argmin(tight | (np.arange(len(ahead_m)) < first[:, None]), axis=1) - 1
+    # Times at which the ego's front is in the bend, and ways of the other vehicle to its two ends.
+    pace = min(max(speed_mps, _PACE_MPS[0]), _PACE_MPS[1])
+    enters_s, leaves_s = ahead_m[first] / pace, (ahead_m[last] + EGO_SIZE_M[0]) / pace
+    apart_m = ahead_m[closest] - EGO_FRONT_M
+    comes_m, goes_m = apart_m - half[:, 0] - ahead_m[last], apart_m + half[:, 0] - ahead_m[first]
+    speed = actors.speed_mps[index]
+    meets = (first > 0) & (goes_m > speed * enters_s) & (comes_m < speed * leaves_s)
+    return float(np.min(ahead_m[first[meets]], initial=np.inf))
