@@ -15,6 +15,8 @@ _ONCOMING_RAD = 2.2
 """Vehicles at a greater angle to the route are oncoming [rad]."""
 _STANDING_MPS = 0.7
 """Slower vehicles stand [m/s]."""
+_CORNER_M = 1.2
+"""Bends count in which the front's outer corner is farther from the route [m]: a radius of 25 m at most."""
 _SIDE_M = 0.1
 """Room between both vehicles [m]."""
 _PACE_MPS = (3.0, 5.0)
@@ -41,6 +43,9 @@ def narrow_bend_m(
     bend = np.gradient(np.unwrap(path.heading_rad), ahead_m)
     side = 1.0 / np.maximum(np.abs(bend), 1e-4) + 0.5 * EGO_SIZE_M[1]
     corner_m = np.sqrt(side * side + EGO_FRONT_M * EGO_FRONT_M) - side + 0.5 * EGO_SIZE_M[1]
+    sharp = (corner_m > _CORNER_M) & (ahead_m < _RANGE_M)
+    if not sharp.any():
+        return np.inf
     away = actors.position_m[:, :2].astype(np.float64) - path.position_m[0, :2]
     moving = (actors.speed_mps > _STANDING_MPS) & (np.hypot(away[:, 0], away[:, 1]) < ahead_m[-1])
     index = np.flatnonzero(moving)
@@ -53,7 +58,7 @@ def narrow_bend_m(
     oncoming = (np.abs(angle) > _ONCOMING_RAD) & (np.abs(delta[:, 2]) < 3.0)
     oncoming &= (closest > 0) & (closest < len(ahead_m) - 1)
     tight = (corner_m + half[:, 1:2] + _SIDE_M > np.abs(left_m[:, None])) & (bend * left_m[:, None] < 0.0)
-    tight &= oncoming[:, None] & (ahead_m < _RANGE_M)
+    tight &= oncoming[:, None] & sharp
     first = np.argmax(tight, axis=1)
     last = np.argmin(tight | (np.arange(len(ahead_m)) < first[:, None]), axis=1) - 1
     # Times at which the ego's front is in the bend, and ways of the other vehicle to its two ends.
