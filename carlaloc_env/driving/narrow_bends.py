@@ -1,4 +1,4 @@
-"""Narrow bends: where the ego's front swings into the next lane, it gives way to oncoming vehicles."""
+"""Narrow bends: where bodies swing into the next lane, the ego gives way to oncoming vehicles."""
 
 import numpy as np
 
@@ -19,6 +19,10 @@ _CORNER_M = 1.2
 """Bends count in which the front's outer corner is farther from the route [m]: a radius of 25 m at most."""
 _SIDE_M = 0.1
 """Room between both vehicles [m]."""
+_CUT_M = 0.35
+"""How far inside of its line the ego may be in the other bends [m]."""
+_TAIL = 0.087
+"""A vehicle of length L, axles 0.55 L apart on an arc of radius R, swings its corners out by 0.087 L²/R."""
 _PACE_MPS = (3.0, 5.0)
 """Speeds at which the ego drives through such bends, the least and the greatest [m/s]."""
 
@@ -28,8 +32,9 @@ def narrow_bend_m(
 ) -> float:
     """Way to the first bend in which the ego would touch an oncoming vehicle [m]; infinite if there is none.
 
-    The ego's rear axle follows the route, and its outer front corner runs wider. Oncoming vehicles are taken
-    to keep their speed and their distance from the route. A bend that the ego is in already is left.
+    The ego's rear axle follows the route, and its outer front corner runs wider; so do the corners of long
+    vehicles. Oncoming ones are taken to keep their speed and their distance from the route. A bend that the
+    ego is in already is left.
 
     Args:
         path: The ego's route ahead at P places.
@@ -57,8 +62,11 @@ def narrow_bend_m(
     half = 0.5 * catalog.size_m[index].astype(np.float64)
     oncoming = (np.abs(angle) > _ONCOMING_RAD) & (np.abs(delta[:, 2]) < 3.0)
     oncoming &= (closest > 0) & (closest < len(ahead_m) - 1)
-    tight = (corner_m + half[:, 1:2] + _SIDE_M > np.abs(left_m[:, None])) & (bend * left_m[:, None] < 0.0)
-    tight &= oncoming[:, None] & sharp
+    # Towards the inside of a bend it is the other vehicle that swings out.
+    inward = bend * left_m[:, None]
+    tail_m = _TAIL * (2.0 * half[:, :1]) ** 2 * np.abs(bend) / np.maximum(1.0 - inward, 0.1)
+    reach_m = np.where(inward < 0.0, corner_m, 0.5 * EGO_SIZE_M[1] + _CUT_M + tail_m)
+    tight = oncoming[:, None] & sharp & (reach_m + half[:, 1:2] + _SIDE_M > np.abs(left_m[:, None]))
     first = np.argmax(tight, axis=1)
     last = np.argmin(tight | (np.arange(len(ahead_m)) < first[:, None]), axis=1) - 1
     # Times at which the ego's front is in the bend, and ways of the other vehicle to its two ends.
@@ -68,4 +76,5 @@ def narrow_bend_m(
     comes_m, goes_m = apart_m - half[:, 0] - ahead_m[last], apart_m + half[:, 0] - ahead_m[first]
     speed = actors.speed_mps[index]
     meets = (first > 0) & (goes_m > speed * enters_s) & (comes_m < speed * leaves_s)
-    return float(np.min(ahead_m[first[meets]], initial=np.inf))
+    way_m = ahead_m[first] - np.where(inward[np.arange(len(first)), first] < 0.0, 0.0, EGO_FRONT_M)
+    return float(np.min(way_m[meets & (way_m > 0.0)], initial=np.inf))

@@ -22,9 +22,9 @@ BEND_M = 40.0
 LENGTH_M = RADIUS_M * math.radians(70.0)
 
 
-def street(side: float = -1.0) -> Route:
-    """A straight, a bend to the right (or with 1 to the left), a straight."""
-    return route_of([(BEND_M, 0.0), (LENGTH_M, side / RADIUS_M), (80.0, 0.0)], 8.0)
+def street() -> Route:
+    """A straight, a bend to the right, a straight."""
+    return route_of([(BEND_M, 0.0), (LENGTH_M, -1.0 / RADIUS_M), (80.0, 0.0)], 8.0)
 
 
 def oncoming(
@@ -63,17 +63,28 @@ def test_the_ego_waits_before_the_bend() -> None:
         oncoming(street(), 75.0, speed_mps=0.0),
         oncoming(street(), 120.0, speed_mps=4.0),
         oncoming(street(), 30.0),
-        oncoming(street(), 75.0, left_m=-2.6),
     ],
-    ids=["wide lanes", "narrow vehicle", "standing", "far away", "through", "inside of the bend"],
+    ids=["wide lanes", "narrow vehicle", "standing", "far away", "through"],
 )
 def test_these_vehicles_do_not_make_it_wait(seen: tuple[ActorFrame, ActorCatalog]) -> None:
     assert math.isinf(way_m(street(), 25.0, seen))
 
 
-def test_a_bend_to_the_other_side_is_driven() -> None:
-    """There the front swings away from the oncoming lane."""
-    assert math.isinf(way_m(street(1.0), 25.0, oncoming(street(1.0), 75.0)))
+@pytest.mark.parametrize(("length_m", "width_m", "waits"), [(4.4, 1.8, False), (8.0, 2.5, True)])
+def test_long_vehicles_swing_out_in_bends_to_the_left(length_m: float, width_m: float, waits: bool) -> None:
+    """A lane of 2.9 m on a bend of 13 m, inside of which a lorry turns on an arc of 10.1 m.
+
+    Its axles, 4.4 m apart, keep its middle 9.86 m from the centre, and the corner is
+    √(11.11² + 4²) − 10.1 = 1.71 m off. The ego stops before the bend with its front, and lets a car pass.
+    """
+    assert math.hypot(math.sqrt(10.1**2 - 2.2**2) + 1.25, 4.0) - 10.1 == pytest.approx(1.71, abs=0.01)
+    route = route_of([(BEND_M, 0.0), (18.0, 1.0 / 13.0), (80.0, 0.0)], 8.0)
+    frame, _ = oncoming(route, 75.0, left_m=2.9)
+    catalog = Scenery.catalog(["van"], size_m=[length_m, width_m, 3.0])
+    found = way_m(route, 20.0, (frame, catalog))
+    assert math.isfinite(found) == waits
+    if waits:
+        assert found == pytest.approx(BEND_M - 20.0 - EGO_FRONT_M, abs=2.0)
 
 
 def test_an_ego_in_the_bend_drives_on() -> None:

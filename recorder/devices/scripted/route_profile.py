@@ -17,6 +17,7 @@ _SLOWEST_MPS = 2.5
 _CAREFUL_MPS2 = 1.3
 _TURN_FROM_RADPM, _TURN_FULL_RADPM = 1.0 / 45.0, 1.0 / 25.0
 _TURN_REACH_M = 7.0
+_DOUBLE_RADPM, _DOUBLE_REACH_M = 1.0 / 13.0, 9.0
 
 
 class DriverRoute:
@@ -53,9 +54,13 @@ class DriverRoute:
         self._heading: list[float] = heading.tolist()
         curvature = self._windowed_curvature(heading, _CURVE_WINDOW_M)
         self._speed = _speeds(curvature, np.asarray(at.speed_limit_mps, dtype=np.float64) * limit_fraction)
-        # Where the path was fitted there is little room: a body that leans far touches kerbs.
+        # Where the path was fitted there is little room: a body that leans far touches kerbs. Between two
+        # bends the hands turn the wheel from one side to the other, and a car that is fast leaves its lane.
+        reach = round(_DOUBLE_REACH_M / self._step_m)
+        double = np.minimum(self._widest(curvature, reach), self._widest(-curvature, reach))
         careful = np.sqrt(_CAREFUL_MPS2 / np.maximum(np.abs(curvature), 1e-4))
-        self._speed = np.where(free, self._speed, np.minimum(self._speed, careful))
+        hasty = free & (double < _DOUBLE_RADPM)
+        self._speed = np.where(hasty, self._speed, np.minimum(self._speed, careful))
         reach = round(_TURN_REACH_M / self._step_m)
         turn = (np.abs(curvature) - _TURN_FROM_RADPM) / (_TURN_FULL_RADPM - _TURN_FROM_RADPM)
         self._speed = -self._widest(-self._speed, round(3.0 / self._step_m))
