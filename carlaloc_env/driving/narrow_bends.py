@@ -13,8 +13,6 @@ _RANGE_M = 45.0
 """Distance within which bends are looked for [m]."""
 _ONCOMING_RAD = 2.2
 """Vehicles at a greater angle to the route are oncoming [rad]."""
-_STANDING_MPS = 0.7
-"""Slower vehicles stand [m/s]."""
 _CORNER_M = 1.2
 """Bends count in which the front's outer corner is farther from the route [m]: a radius of 25 m at most."""
 _SIDE_M = 0.1
@@ -33,8 +31,8 @@ def narrow_bend_m(
     """Way to the first bend in which the ego would touch an oncoming vehicle [m]; infinite if there is none.
 
     The ego's rear axle follows the route, and its outer front corner runs wider; so do the corners of long
-    vehicles. Oncoming ones are taken to keep their speed and their distance from the route. A bend that the
-    ego is in already is left.
+    vehicles. Oncoming ones are taken to keep their speed and their distance from the route; one that
+    stands beside the bend is let out of it. A bend that the ego is in already is left.
 
     Args:
         path: The ego's route ahead at P places.
@@ -52,8 +50,7 @@ def narrow_bend_m(
     if not sharp.any():
         return np.inf
     away = actors.position_m[:, :2].astype(np.float64) - path.position_m[0, :2]
-    moving = (actors.speed_mps > _STANDING_MPS) & (np.hypot(away[:, 0], away[:, 1]) < ahead_m[-1])
-    index = np.flatnonzero(moving)
+    index = np.flatnonzero(np.hypot(away[:, 0], away[:, 1]) < ahead_m[-1])
     delta = actors.position_m[index, None].astype(np.float64) - path.position_m
     closest = np.argmin(delta[..., 0] ** 2 + delta[..., 1] ** 2, axis=1)
     delta, heading = delta[np.arange(len(index)), closest], path.heading_rad[closest]
