@@ -32,7 +32,7 @@ _SLOWEST_MPS = 0.7
 """Slower vehicles stand [m/s]."""
 _ONCOMING_RAD = 2.2
 """Vehicles that meet the route at a greater angle are oncoming [rad]."""
-_SLOW_MPS, _FASTER_MPS, _ASIDE_RAD = 4.0, 5.0, 0.6
+_SLOW_MPS, _FASTER_MPS, _ASIDE_RAD = 5.0, 5.0, 0.6
 """A slower ego [m/s] waits for vehicles that merge so much faster [m/s], from such an angle or more [rad]."""
 _SIDE_M = 0.35
 """Room beside both vehicles [m]."""

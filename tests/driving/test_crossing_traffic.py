@@ -44,7 +44,8 @@ def test_a_car_that_merges_brings_its_speed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ego_mps", "speed_mps", "waits"), [(1.5, 12.0, True), (1.5, 6.0, False), (6.0, 12.0, False)]
+    ("ego_mps", "speed_mps", "waits"),
+    [(1.5, 12.0, True), (4.3, 12.0, True), (1.5, 6.0, False), (6.0, 12.0, False)],
 )
 def test_an_ego_that_starts_waits_for_a_faster_stream(ego_mps: float, speed_mps: float, waits: bool) -> None:
     """A left turn into a street on which a car comes from the left; an ego at its speed would merge."""
