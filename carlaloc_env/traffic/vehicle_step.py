@@ -128,7 +128,7 @@ def _advance(area: VehicleMap, traffic: Traffic, seen: StepInput) -> None:
     make_room_for_changes(occupancy, roads, drivers, fleet, desired, count)
     collect_requests(requests, roads, drivers, fleet, parameters, seen.signals, seen.red_in_s, count)
     admit(requests, occupancy, roads, drivers, fleet)
-    wait_inside(requests, roads, drivers, fleet, count)
+    wait_inside(requests, roads, drivers, fleet, seen.ego, count)
     yield_at_overlaps(traffic.approaches, area.overlaps, fleet)
     yield_to_walkers(seen.taken_by_walkers, roads, drivers, fleet, parameters, count, step)
     brake_for_stops(drivers, fleet, desired, count)

@@ -22,6 +22,7 @@ from carlaloc_env.traffic.tables.vehicle_state import (
     Fleet,
     Requests,
 )
+from carlaloc_env.traffic.vehicles.ego_agent import EgoBox, passes_ego
 
 _GAP_S = 1.8
 """Time that drivers leave between themselves and others in a zone at first [s]."""
@@ -154,7 +155,9 @@ _EGO_BRAKING_MPS2 = 3.0
 
 
 @compiled
-def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
+def wait_inside(
+    requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, ego: EgoBox, count: int
+) -> None:
     """Stop before zones on the path that a vehicle admitted earlier, or one standing there, holds.
 
     Before the ego, whose way on is not known, a vehicle stops at the edge of the first zone, or drives on
@@ -167,7 +170,7 @@ def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet
             fleet.goes_first_s[v] = _GOES_FIRST_S
         else:
             fleet.goes_first_s[v] = max(fleet.goes_first_s[v] - STEP_S, 0.0)
-        passes = _passes_ego(roads, drivers, fleet, v)
+        passes = _passes_ego(roads, drivers, fleet, ego, v)
         for slot in range(HELD):
             lane = fleet.held_lane[v, slot]
             if lane < 0:
@@ -184,24 +187,28 @@ def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet
 
 
 @compiled
-def _passes_ego(roads: Roads, drivers: Drivers, fleet: Fleet, v: int) -> bool:
-    """Whether vehicle v can no longer stop before zones of the ego, and the ego has room to brake."""
-    bars, ego_gap_m, ego_mps = False, np.inf, fleet.speed_mps[-1]
+def _passes_ego(roads: Roads, drivers: Drivers, fleet: Fleet, ego: EgoBox, v: int) -> bool:
+    """Whether vehicle v can no longer stop before zones of the ego, and the ego has room to brake.
+
+    If the ego stands in such a zone, the way past it must be clear.
+    """
+    bars, ego_gap_m, way_m = False, np.inf, 0.0
     for slot in range(HELD):
         lane, front = fleet.held_lane[v, slot], fleet.held_front_m[v, slot]
         if lane < 0:
             continue
         for z in range(roads.lane.zone_first[lane], roads.lane.zone_end[lane]):
-            passed = front - drivers.length_m[v] > roads.zone.leave_m[z]
+            way = roads.zone.leave_m[z] + drivers.length_m[v] - front
+            if roads.zone.kind[z] != CROSSING or way < 0.0:
+                continue
             for k in range(HELD):
-                if (
-                    fleet.held_lane[-1, k] == roads.zone.other[z]
-                    and roads.zone.kind[z] == CROSSING
-                    and not passed
-                ):
+                if fleet.held_lane[-1, k] == roads.zone.other[z]:
                     bars = bars or not _halts_at_edge(roads, fleet, v, z, roads.zone.enter_m[z] - front)
                     ego_gap_m = min(ego_gap_m, roads.zone.other_enter_m[z] - fleet.held_front_m[-1, k])
-    return bool(bars and ego_mps * ego_mps < 2.0 * _EGO_BRAKING_MPS2 * ego_gap_m)
+                    way_m = max(way_m, way)
+    if not bars or ego.speed_mps * ego.speed_mps < 2.0 * _EGO_BRAKING_MPS2 * ego_gap_m:
+        return bars
+    return ego.speed_mps < STANDING_MPS and passes_ego(roads, drivers, fleet, ego, v, way_m)
 
 
 @compiled

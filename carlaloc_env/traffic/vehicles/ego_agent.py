@@ -10,9 +10,10 @@ from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.occupancy import Occupancy, add_body
+from carlaloc_env.traffic.tables.occupancy import Occupancy, add_body, centre_at
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns
-from carlaloc_env.traffic.tables.vehicle_state import HELD, Fleet
+from carlaloc_env.traffic.tables.vehicle_state import HELD, Drivers, Fleet
+from carlaloc_env.traffic.vehicles.poses import place_ahead
 
 CELL_M = 8.0
 """Side of a cell [m]; no lane is so wide that its vehicles reach beyond the next one."""
@@ -236,3 +237,34 @@ def _hold(fleet: Fleet, me: int, lane: int, front_m: float) -> None:
             fleet.held_front_m[me, k] = front_m
             fleet.held_ticket[me, k] = 0
             return
+
+
+_PASSING_M = 0.2
+"""Room that a vehicle needs beside the standing ego [m]."""
+_PASSING_STEP_M = 0.5
+"""Spacing of the places at which its box is compared with the ego's [m]."""
+
+
+@compiled
+def passes_ego(roads: Roads, drivers: Drivers, fleet: Fleet, ego: EgoBox, v: int, reach_m: float) -> bool:
+    """Whether vehicle v would not touch the standing ego on the next `reach_m` [m] of its lanes."""
+    half, width = 0.5 * drivers.length_m[v], 0.5 * drivers.width_m[v] + _PASSING_M
+    axle = 0.5 * drivers.wheelbase_m[v]
+    for k in range(int(reach_m / _PASSING_STEP_M) + 2):
+        lane, station = place_ahead(roads, fleet, v, k * _PASSING_STEP_M + axle)
+        x, y, _, _ = centre_at(roads, lane, station)
+        lane, station = place_ahead(roads, fleet, v, k * _PASSING_STEP_M - axle)
+        rear_x, rear_y, _, _ = centre_at(roads, lane, station)
+        apart = max(np.sqrt((x - rear_x) ** 2 + (y - rear_y) ** 2), 0.1)
+        c, s = (x - rear_x) / apart, (y - rear_y) / apart
+        dx, dy = 0.5 * (x + rear_x) - ego.x_m, 0.5 * (y + rear_y) - ego.y_m
+        cos, sin = abs(c * ego.cos + s * ego.sin), abs(s * ego.cos - c * ego.sin)
+        # Boxes are apart where one of their four axes separates them.
+        if (
+            abs(dx * c + dy * s) < half + ego.half_length_m * cos + ego.half_width_m * sin
+            and abs(dy * c - dx * s) < width + ego.half_length_m * sin + ego.half_width_m * cos
+            and abs(dx * ego.cos + dy * ego.sin) < ego.half_length_m + half * cos + width * sin
+            and abs(dy * ego.cos - dx * ego.sin) < ego.half_width_m + half * sin + width * cos
+        ):
+            return False
+    return True

@@ -69,6 +69,23 @@ def angle_of(y: float, x: float) -> float:
 
 
 @compiled
+def place_ahead(roads: Roads, fleet: Fleet, v: int, ahead_m: float) -> tuple[int, float]:
+    """Lane and station [m] of a place on a vehicle's path, so far ahead of its centre [m]."""
+    lane, station = fleet.plan[v, 0], fleet.station_m[v] + ahead_m
+    for k in range(PAST):
+        if station >= 0.0 or fleet.past[v, k] < 0:
+            break
+        lane = fleet.past[v, k]
+        station += roads.lane.length_m[lane]
+    for hop in range(1, PLAN):
+        if station <= roads.lane.length_m[lane] or ahead_m < 0.0 or fleet.plan[v, hop] < 0:
+            break
+        station -= roads.lane.length_m[lane]
+        lane = fleet.plan[v, hop]
+    return int(lane), float(station)
+
+
+@compiled
 def _path_point(
     roads: Roads, fleet: Fleet, v: int, ahead_m: float, lateral_offset_m: float, out: Array
 ) -> tuple[float, float]:
@@ -82,17 +99,7 @@ def _path_point(
         lateral_offset_m: Distance to the left of the lane's centre line [m].
         out: Six numbers, as `put_point` writes them.
     """
-    lane, station = fleet.plan[v, 0], fleet.station_m[v] + ahead_m
-    for k in range(PAST):
-        if station >= 0.0 or fleet.past[v, k] < 0:
-            break
-        lane = fleet.past[v, k]
-        station += roads.lane.length_m[lane]
-    for hop in range(1, PLAN):
-        if station <= roads.lane.length_m[lane] or ahead_m < 0.0 or fleet.plan[v, hop] < 0:
-            break
-        station -= roads.lane.length_m[lane]
-        lane = fleet.plan[v, hop]
+    lane, station = place_ahead(roads, fleet, v, ahead_m)
     put_point(roads, lane, station, lateral_offset_m, out)
     row, _ = sample(roads, lane, station)
     a, b = roads.row.tangent[row], roads.row.tangent[row + 1]
