@@ -1,6 +1,7 @@
 """Narrow bends: where bodies swing into the next lane, the ego gives way to oncoming vehicles."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
@@ -49,21 +50,13 @@ def narrow_bend_m(
     sharp = (corner_m > _CORNER_M) & (ahead_m < _RANGE_M)
     if not sharp.any():
         return np.inf
-    away = actors.position_m[:, :2].astype(np.float64) - path.position_m[0, :2]
-    index = np.flatnonzero(np.hypot(away[:, 0], away[:, 1]) < ahead_m[-1])
-    delta = actors.position_m[index, None].astype(np.float64) - path.position_m
-    closest = np.argmin(delta[..., 0] ** 2 + delta[..., 1] ** 2, axis=1)
-    delta, heading = delta[np.arange(len(index)), closest], path.heading_rad[closest]
-    left_m = delta[:, 1] * elementary.cos(heading) - delta[:, 0] * elementary.sin(heading)
-    angle = wrap_angle(actors.heading_rad[index].astype(np.float64) - heading)
+    index, closest, left_m = _oncoming(path, ahead_m, actors)
     half = 0.5 * catalog.size_m[index].astype(np.float64)
-    oncoming = (np.abs(angle) > _ONCOMING_RAD) & (np.abs(delta[:, 2]) < 3.0)
-    oncoming &= (closest > 0) & (closest < len(ahead_m) - 1)
     # Towards the inside of a bend it is the other vehicle that swings out.
     inward = bend * left_m[:, None]
     tail_m = _TAIL * (2.0 * half[:, :1]) ** 2 * np.abs(bend) / np.maximum(1.0 - inward, 0.1)
     reach_m = np.where(inward < 0.0, corner_m, 0.5 * EGO_SIZE_M[1] + _CUT_M + tail_m)
-    tight = oncoming[:, None] & sharp & (reach_m + half[:, 1:2] + _SIDE_M > np.abs(left_m[:, None]))
+    tight = sharp & (reach_m + half[:, 1:2] + _SIDE_M > np.abs(left_m[:, None]))
     first = np.argmax(tight, axis=1)
     last = np.argmin(tight | (np.arange(len(ahead_m)) < first[:, None]), axis=1) - 1
     # Times at which the ego's front is in the bend, and ways of the other vehicle to its two ends.
@@ -75,3 +68,19 @@ def narrow_bend_m(
     meets = (first > 0) & (goes_m > speed * enters_s) & (comes_m < speed * leaves_s)
     way_m = ahead_m[first] - np.where(inward[np.arange(len(first)), first] < 0.0, 0.0, EGO_FRONT_M)
     return float(np.min(way_m[meets & (way_m > 0.0)], initial=np.inf))
+
+
+def _oncoming(
+    path: RoutePose, ahead_m: Array, actors: ActorFrame
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """Oncoming road users: their rows, the nearest place of the path, and how far left of it they are [m]."""
+    away = actors.position_m[:, :2].astype(np.float64) - path.position_m[0, :2]
+    index = np.flatnonzero(np.hypot(away[:, 0], away[:, 1]) < ahead_m[-1])
+    delta = actors.position_m[index, None].astype(np.float64) - path.position_m
+    closest = np.argmin(delta[..., 0] ** 2 + delta[..., 1] ** 2, axis=1)
+    delta, heading = delta[np.arange(len(index)), closest], path.heading_rad[closest]
+    left_m = delta[:, 1] * elementary.cos(heading) - delta[:, 0] * elementary.sin(heading)
+    angle = wrap_angle(actors.heading_rad[index].astype(np.float64) - heading)
+    oncoming = (np.abs(angle) > _ONCOMING_RAD) & (np.abs(delta[:, 2]) < 3.0)
+    oncoming &= (closest > 0) & (closest < len(ahead_m) - 1)
+    return index[oncoming], closest[oncoming], left_m[oncoming]
