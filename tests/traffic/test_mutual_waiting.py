@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+import shapely
 from numpy.typing import NDArray
 from shared_fixtures.worlds.maps import CROSSING
 
@@ -12,7 +13,7 @@ from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.standing_traffic import TrafficTables
-from carlaloc_env.traffic.vehicles.ego_agent import EgoView
+from carlaloc_env.traffic.vehicles.ego_agent import EgoBox, EgoView, passes_ego
 from carlaloc_env.traffic.world import TrafficWorld
 
 EGO_X_M = 1.75
@@ -87,6 +88,8 @@ def meet(tables: TrafficTables, plan: tuple[int, int, int], ego_y_m: float) -> t
 
 LEFT_FROM_RIGHT, LEFT_FROM_AHEAD, ON_FROM_LEFT = (1, 22, 14), (5, 23, 2), (9, 26, 2)
 """Ways that cross the ego's: left turns from its right and from ahead, straight on from its left."""
+STRAIGHT = 17
+"""A lane of the ego's way, from 72 to 42 m before the junction's middle."""
 
 
 @pytest.mark.parametrize(
@@ -105,3 +108,35 @@ def test_one_goes_first(tables: TrafficTables, plan: tuple[int, int, int], ego_y
     assert through_s is not None
     assert through_s < 25.0
     assert least > 0.1
+
+
+def test_a_vehicle_passes_a_standing_ego_where_there_is_room(tables: TrafficTables) -> None:
+    """On a straight lane, against the rectangle that its body sweeps; the last step may reach a metre on."""
+    world = TrafficWorld(tables.network, TrafficConfig(vehicles=1, walkers=0, seed=1, warm_up_s=0.0), tables)
+    world.reset()
+    fleet, drivers = world._vehicles.fleet, world._vehicles.drivers
+    fleet.plan[0], fleet.past[0] = -1, -1
+    fleet.plan[0, 0], fleet.station_m[0] = STRAIGHT, 8.0
+    start, forward, left = np.array([EGO_X_M, -64.0]), np.array([0.0, 1.0]), np.array([-1.0, 0.0])
+    reach_m, half, width = 12.0, 0.5 * drivers.length_m[0], 0.5 * drivers.width_m[0] + 0.2
+
+    def swept(more_m: float) -> shapely.Polygon:
+        ends = start - half * forward, start + (reach_m + more_m + half) * forward
+        return shapely.MultiPoint([end + side * width * left for end in ends for side in (-1, 1)]).convex_hull
+
+    least, most, random, passed = swept(0.0), swept(1.01), np.random.default_rng(3), 0
+    for _ in range(400):
+        x, y = start + random.uniform(-8, 24) * forward + random.uniform(-5, 5) * left
+        turn = random.uniform(-math.pi, math.pi)
+        half_length, half_width = 0.5 * EGO_SIZE_M[0], 0.5 * EGO_SIZE_M[1]
+        ego = EgoBox(x, y, 0.0, math.cos(turn), math.sin(turn), 0.0, half_length, half_width)
+        body = shapely.affinity.rotate(
+            shapely.box(x - half_length, y - half_width, x + half_length, y + half_width),
+            turn,
+            use_radians=True,
+        )
+        passes = passes_ego(tables.roads, drivers, fleet, ego, 0, reach_m)
+        passed += passes
+        assert passes or most.intersects(body)
+        assert not passes or not least.buffer(-0.01).intersects(body)
+    assert 100 < passed < 300
