@@ -14,6 +14,8 @@ _RANGE_M = 45.0
 """Distance within which bends are looked for [m]."""
 _ONCOMING_RAD = 2.2
 """Vehicles at a greater angle to the route are oncoming [rad]."""
+_STANDING_MPS = 0.7
+"""Slower vehicles stand [m/s]."""
 _CORNER_M = 1.2
 """Bends count in which the front's outer corner is farther from the route [m]: a radius of 25 m at most."""
 _SIDE_M = 0.1
@@ -33,7 +35,8 @@ def narrow_bend_m(
 
     The ego's rear axle follows the route, and its outer front corner runs wider; so do the corners of long
     vehicles. Oncoming ones are taken to keep their speed and their distance from the route; one that
-    stands beside the bend is let out of it. A bend that the ego is in already is left.
+    stands beside the bend is let out of it, unless the ego stands, too: it may wait for the ego. A bend that
+    the ego is in already is left.
 
     Args:
         path: The ego's route ahead at P places.
@@ -65,7 +68,8 @@ def narrow_bend_m(
     apart_m = ahead_m[closest] - EGO_FRONT_M
     comes_m, goes_m = apart_m - half[:, 0] - ahead_m[last], apart_m + half[:, 0] - ahead_m[first]
     speed = actors.speed_mps[index]
-    meets = (first > 0) & (goes_m > speed * enters_s) & (comes_m < speed * leaves_s)
+    goes = (speed > _STANDING_MPS) | (speed_mps > _STANDING_MPS)
+    meets = goes & (first > 0) & (goes_m > speed * enters_s) & (comes_m < speed * leaves_s)
     way_m = ahead_m[first] - np.where(inward[np.arange(len(first)), first] < 0.0, 0.0, EGO_FRONT_M)
     return float(np.min(way_m[meets & (way_m > 0.0)], initial=np.inf))
 

@@ -87,6 +87,14 @@ def test_long_vehicles_swing_out_in_bends_to_the_left(length_m: float, width_m: 
         assert found == pytest.approx(BEND_M - 20.0 - EGO_FRONT_M, abs=2.0)
 
 
+def test_of_two_that_stand_the_ego_goes() -> None:
+    """A van that stands beside the bend is let out while the ego comes; then it may wait for the ego."""
+    seen = oncoming(street(), BEND_M + 5.0, speed_mps=0.0)
+    assert way_m(street(), BEND_M - 2.0, seen, speed_mps=3.0) < 4.0
+    assert math.isinf(way_m(street(), BEND_M - 2.0, seen, speed_mps=0.0))
+    assert way_m(street(), BEND_M - 2.0, oncoming(street(), BEND_M + 5.0, speed_mps=2.0), speed_mps=0.0) < 4.0
+
+
 def test_an_ego_in_the_bend_drives_on() -> None:
     """It would block the bend for both."""
     assert math.isinf(way_m(street(), BEND_M + 2.0, oncoming(street(), 65.0)))
