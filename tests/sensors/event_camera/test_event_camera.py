@@ -128,7 +128,8 @@ def test_stream_sits_in_the_observation(street: Any, scenery: Any) -> None:
     samples = rig.measure(drive_of(scenery, scenery.straight(10.0)), -1, 2 * STEP_NS)
     assert [s.sensor for s in samples] == ["rgb_left", "events_left"] * 3
     observer = Observer(rig)
-    seen = observer.observe(samples)
+    observer.add(samples)
+    seen = observer.newest()
     assert observer.space.contains(seen)
     last = samples[-1]
     assert isinstance(last, Events)
