@@ -12,9 +12,9 @@ from carlaloc_env.town.routing.route import RoutePose
 
 _RANGE_M = 45.0
 """Distance within which bends are looked for [m]."""
-_ONCOMING_RAD = 2.2
+ONCOMING_RAD = 2.2
 """Vehicles at a greater angle to the route are oncoming [rad]."""
-_STANDING_MPS = 0.7
+STANDING_MPS = 0.7
 """Slower vehicles stand [m/s]."""
 _CORNER_M = 1.2
 """Bends count in which the front's outer corner is farther from the route [m]: a radius of 25 m at most."""
@@ -68,7 +68,7 @@ def narrow_bend_m(
     apart_m = ahead_m[closest] - EGO_FRONT_M
     comes_m, goes_m = apart_m - half[:, 0] - ahead_m[last], apart_m + half[:, 0] - ahead_m[first]
     speed = actors.speed_mps[index]
-    goes = (speed > _STANDING_MPS) | (speed_mps > _STANDING_MPS)
+    goes = (speed > STANDING_MPS) | (speed_mps > STANDING_MPS)
     meets = goes & (first > 0) & (goes_m > speed * enters_s) & (comes_m < speed * leaves_s)
     way_m = ahead_m[first] - np.where(inward[np.arange(len(first)), first] < 0.0, 0.0, EGO_FRONT_M)
     return float(np.min(way_m[meets & (way_m > 0.0)], initial=np.inf))
@@ -85,6 +85,6 @@ def _oncoming(
     delta, heading = delta[np.arange(len(index)), closest], path.heading_rad[closest]
     left_m = delta[:, 1] * elementary.cos(heading) - delta[:, 0] * elementary.sin(heading)
     angle = wrap_angle(actors.heading_rad[index].astype(np.float64) - heading)
-    oncoming = (np.abs(angle) > _ONCOMING_RAD) & (np.abs(delta[:, 2]) < 3.0)
+    oncoming = (np.abs(angle) > ONCOMING_RAD) & (np.abs(delta[:, 2]) < 3.0)
     oncoming &= (closest > 0) & (closest < len(ahead_m) - 1)
     return index[oncoming], closest[oncoming], left_m[oncoming]

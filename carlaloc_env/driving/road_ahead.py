@@ -15,7 +15,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.driving.narrow_bends import narrow_bend_m
+from carlaloc_env.driving.narrow_bends import ONCOMING_RAD, STANDING_MPS, narrow_bend_m
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -28,10 +28,6 @@ _AHEAD_S = np.array([0.4, 0.8, 1.2, 1.6, 2.0, 2.5, 3.0, 3.5])
 """Times ahead at which their positions are predicted [s], (T,)."""
 _OTHERS_WHEELBASE_M = 2.8
 """Wheelbase that the ego takes every other vehicle to have [m]: that of a saloon."""
-_SLOWEST_MPS = 0.7
-"""Slower vehicles stand [m/s]."""
-_ONCOMING_RAD = 2.2
-"""Vehicles that meet the route at a greater angle are oncoming [rad]."""
 _SLOW_MPS, _FASTER_MPS, _ASIDE_RAD = 5.0, 5.0, 0.6
 """A slower ego [m/s] waits for vehicles that merge so much faster [m/s], from such an angle or more [rad]."""
 _SIDE_M = 0.35
@@ -70,7 +66,7 @@ def crossing_traffic(
     # A vehicle behind yields to the ego, not the ego to it.
     east, north = elementary.cos(path.heading_rad[0]), elementary.sin(path.heading_rad[0])
     near &= (position_m[:, 0] - here[0]) * east + (position_m[:, 1] - here[1]) * north > 0.5 * EGO_FRONT_M
-    near &= (actors.speed_mps > _SLOWEST_MPS) & (np.abs(position_m[:, 2] - here[2]) < 3.0)
+    near &= (actors.speed_mps > STANDING_MPS) & (np.abs(position_m[:, 2] - here[2]) < 3.0)
     index = np.flatnonzero(near)
     if len(index) == 0:
         return None
@@ -88,7 +84,7 @@ def crossing_traffic(
     gap = closest - along - EGO_FRONT_M
     arrives_s = np.maximum(gap, 0.0) / max(speed_mps, 3.0)
     meets = side < across + 0.5 * EGO_SIZE_M[1] + _SIDE_M
-    meets &= (np.abs(angle) < _ONCOMING_RAD) & (gap > 0.3) & (closest < len(path.heading_rad) - 1)
+    meets &= (np.abs(angle) < ONCOMING_RAD) & (gap > 0.3) & (closest < len(path.heading_rad) - 1)
     meets &= (arrives_s > _AHEAD_S - _CLEAR_BEFORE_S) & (arrives_s < _AHEAD_S + _CLEAR_AFTER_S)
     if not meets.any():
         return None
@@ -130,7 +126,7 @@ def standing_gap_m(path: RoutePose, ahead_m: Array, actors: ActorFrame, catalog:
     position_m = actors.position_m.astype(np.float64)
     reach_m = ahead_m[-1] + 10.0
     away = position_m - path.position_m[0]
-    index = np.flatnonzero((actors.speed_mps <= _SLOWEST_MPS) & (np.hypot(away[:, 0], away[:, 1]) < reach_m))
+    index = np.flatnonzero((actors.speed_mps <= STANDING_MPS) & (np.hypot(away[:, 0], away[:, 1]) < reach_m))
     if len(index) == 0:
         return np.inf
     heading = path.heading_rad
