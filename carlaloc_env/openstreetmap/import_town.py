@@ -70,7 +70,8 @@ def import_town(
         heights: Raster of the land's heights; None: a flat town.
 
     Raises:
-        MapError: The file cannot be read, or holds no streets on which one could drive.
+        MapError: A file cannot be read, holds no streets on which one could drive, or heights of elsewhere.
+        MissingDependencyError: Heights need rasterio.
     """
     extract = read_extract(source, box)
     land = None
@@ -98,13 +99,13 @@ def import_town(
     ]
     _narrow(graph.chains, solid)
 
-    def slope(xy: Array) -> Array:
+    def height_of(xy: Array) -> Array:
         assert land is not None
         return land.height(xy * (1.0, -1.0) if left else xy)
 
     network, chains, dropped = settle(
         graph.chains,
-        partial(find_heights, rails=rails, land=None if land is None else slope),
+        partial(find_heights, rails=rails, land=None if land is None else height_of),
         restrictions(extract),
         shapely.STRtree(solid),
         yellow=country.code in ("US", "CA"),

@@ -127,7 +127,7 @@ class ActorPool:
         """
         near, boxes = np.empty(len(frame), np.intp), np.empty((len(frame), 11))
         motion = frame.heading_rad, frame.pitch_rad, frame.roll_rad, frame.speed_mps
-        count = put_near(frame.position_m, *motion, catalog.size_m, near_m, near, boxes)
+        count = _put_near(frame.position_m, *motion, catalog.size_m, near_m, near, boxes)
         near, boxes = near[:count], boxes[:count]
         if count > MAX_BOXES:
             nearest = np.argsort(boxes[:, 10], kind="stable")[:MAX_BOXES]
@@ -203,7 +203,7 @@ class ActorPool:
 
 
 @compiled
-def put_near(
+def _put_near(
     position_m: F32, heading_rad: F32, pitch_rad: F32, roll_rad: F32, speed_mps: F32, size_m: F32,
     near_m: Array, near: Index, boxes: Array,
 ) -> int:  # fmt: skip

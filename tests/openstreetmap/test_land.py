@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-import tomllib
 from pyproj import Transformer
 from shared_fixtures.worlds.imported_towns import made
-from shared_fixtures.worlds.street_sketches import OXFORD, VIENNA, Sketch, village
+from shared_fixtures.worlds.street_sketches import OXFORD, VIENNA, Sketch, bridge, village
 
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.openstreetmap.extract import read_extract
@@ -97,19 +96,14 @@ def test_streets_follow_the_land(system: str, place: tuple[float, float], tmp_pa
     assert off.max() < 0.25
     assert np.abs(grades).max() < 0.1
     assert np.ptp(points[:, 2]) > 8.0
-    geo = tomllib.loads(town.toml)["geo"]
-    assert geo["height_m"] == pytest.approx(BASE_M, abs=0.05)
+    geo = TownConfig.from_toml(tmp_path / "town.toml").geo
+    assert geo is not None
+    assert geo.height_m == pytest.approx(BASE_M, abs=0.05)
     assert town.report["heights"]["filled_from_neighbours"] == 0.0
 
 
 def test_bridges_on_a_slope_clear_the_street_below(tmp_path: Path) -> None:
-    sketch = Sketch()
-    sketch.way((-260, 0), (260, 0), highway="secondary")
-    sketch.way((0, -260), (0, -25), highway="tertiary")
-    sketch.way((0, -25), (0, 25), highway="tertiary", bridge="yes", layer="1")
-    sketch.way((0, 25), (0, 260), highway="tertiary")
-    sketch.way((-260, 0), (-260, 260), (0, 260), highway="residential")
-    sketch.way((-260, 0), (-260, -260), (0, -260), highway="residential")
+    sketch = bridge()
     town, network = made(sketch, tmp_path, raster(tmp_path / "a.tif", sketch, "EPSG:32633"))
     points, grades = driven(network)
     at = points[np.hypot(*points[:, :2].T) < 4.0, 2]

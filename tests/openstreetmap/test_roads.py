@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tomllib
 from shared_fixtures.worlds.imported_towns import made
-from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, village
+from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, bridge, village
 
 from carlaloc_env.openstreetmap.import_town import import_town
 from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
@@ -52,13 +52,7 @@ def test_left_hand_traffic_mirrors_the_lanes(tmp_path: Path) -> None:
 
 
 def test_a_bridge_clears_the_street_below(tmp_path: Path) -> None:
-    sketch = Sketch()
-    sketch.way((-260, 0), (260, 0), highway="secondary")
-    sketch.way((0, -260), (0, -25), highway="tertiary")
-    sketch.way((0, -25), (0, 25), highway="tertiary", bridge="yes", layer="1")
-    sketch.way((0, 25), (0, 260), highway="tertiary")
-    sketch.way((-260, 0), (-260, 260), (0, 260), highway="residential")
-    sketch.way((-260, 0), (-260, -260), (0, -260), highway="residential")
+    sketch = bridge()
     _, network = made(sketch, tmp_path)
     low, high, steepest = 1e9, 0.0, 0.0
     for lane in network.lanes:

@@ -96,3 +96,15 @@ def village(place: tuple[float, float] = VIENNA) -> Sketch:
     sketch.node(30, 40, natural="tree")
     sketch.block(60, 60, 40, 30, natural="water")
     return sketch
+
+
+def bridge() -> Sketch:
+    """A street over another one, and streets that join both on two sides."""
+    sketch = Sketch()
+    sketch.way((-260, 0), (260, 0), highway="secondary")
+    sketch.way((0, -260), (0, -25), highway="tertiary")
+    sketch.way((0, -25), (0, 25), highway="tertiary", bridge="yes", layer="1")
+    sketch.way((0, 25), (0, 260), highway="tertiary")
+    sketch.way((-260, 0), (-260, 260), (0, 260), highway="residential")
+    sketch.way((-260, 0), (-260, -260), (0, -260), highway="residential")
+    return sketch
