@@ -237,7 +237,8 @@ class _StopLines:
         for index, head in enumerate(network.signals):
             for own, stop in zip(head.lanes, head.stop_station_m, strict=True):
                 lines.setdefault(own, (stop, []))[1].append(index)
-        lane = np.array(list(lines), dtype=np.int64)
+        self._network = network
+        self._lane = lane = np.array(list(lines), dtype=np.int64)
         station = np.array([stop for stop, _ in lines.values()])
         self._heads = [np.array(heads) for _, heads in lines.values()]
         pose = network.pose(lane, station)
@@ -276,6 +277,10 @@ class _StopLines:
         level = np.abs(after.position_m[vehicles, 2][:, None] - self._point[None, :, 2]) < _HEIGHT_M
         along = elementary.cos(after.heading_rad[vehicles][:, None] - self._heading) > 0.8
         hit = (was < 0.0) & (now >= 0.0) & (side < self._half_m) & level & along
+        # Lanes of a fork lie beside each other: only the line of the lane counts on which the front was.
+        which = np.flatnonzero(hit.any(axis=1))
+        nose_m = np.column_stack([fronts[0], before.position_m[vehicles, 2]])[which]
+        hit[which] &= self._network.nearest(nose_m).lane[:, None] == self._lane
         rows = np.flatnonzero(hit.any(axis=0))
         late = [k for k in rows if (self._red_s[self._heads[k]] > LATE_S).all()]
         red: Index = vehicles[hit[:, late].any(axis=1)]
