@@ -9,7 +9,8 @@ no weather: a floor to stand on, not a competitor.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2 as untyped_cv2
@@ -17,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8, Array
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.dataset.readings import StereoPair
 from recorder.dataset.sequence import SlamSequence
 from recorder.slam.bundle_adjustment import KeyframeWindow, StereoCamera
@@ -198,22 +201,42 @@ class StereoOdometry:
 
 
 def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
-    """Poses of the left camera; an image in which too little is recognised has none."""
+    """Poses of the left camera; an image in which too little is recognised has none.
+
+    Images through a lens are undistorted first, within the time of their frame.
+
+    Raises:
+        EvaluationError: the cameras are not parallel and side by side.
+    """
     left, right = sequence.stereo
-    if any(camera.lens is not None and any(camera.lens.coefficients) for camera in (left, right)):
-        raise EvaluationError("stereo-vo takes images without lens distortion; use a rig without lens")
     T = np.linalg.inv(left.mount.T_base_sensor) @ right.mount.T_base_sensor
     if not np.allclose(T[:3, :3], np.eye(3), atol=1e-6) or np.abs(T[1:3, 3]).max() > 1e-6:
         raise EvaluationError("stereo-vo takes two parallel cameras side by side; use such a rig")
     eye = left.pinhole
+    undistort = [_undistortion(camera, eye) for camera in (left, right)]
     odometry = StereoOdometry(eye.fx_px, np.array([eye.cx_px, eye.cy_px]), float(T[0, 3]))
     poses: list[StampedPose] = []
     for pair in sequence.stereo_pairs():
         with clock.frame():
-            found = odometry.add(pair)
+            movers = None if pair.left_mover is None else undistort[0](pair.left_mover.astype(np.uint8)) > 0
+            seen = replace(
+                pair, left=undistort[0](pair.left), right=undistort[1](pair.right), left_mover=movers
+            )
+            found = odometry.add(seen)
         if found:
             poses.append((pair.stamp_ns, odometry.pose.copy()))
     return poses
+
+
+def _undistortion(camera: CameraConfig, pinhole: Pinhole) -> Callable[[U8], U8]:
+    """Makes images of a camera those that a pinhole without a lens would give; its border repeats beyond."""
+    own = camera.pinhole
+    if own == pinhole and camera.lens.is_plain:
+        return lambda image: image
+    v, u = np.mgrid[: pinhole.height_px, : pinhole.width_px]
+    x, y = camera.lens.distort((u - pinhole.cx_px) / pinhole.fx_px, (v - pinhole.cy_px) / pinhole.fy_px)
+    column, row = np.float32(x * own.fx_px + own.cx_px), np.float32(y * own.fy_px + own.cy_px)
+    return lambda image: cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def _flow(first: U8, second: U8, pixel: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
