@@ -86,23 +86,31 @@ def _roadsides(props: PropField, land: Land, posts_m: Array) -> None:
     for strip in land.strips:
         for first, last in raised_runs(strip) if strip.junction_id is None else ():
             left, right = run_edges(strip, first, last)
-            width_m = float(np.median(np.hypot(*(left - right)[:, :2].T)))
+            across_m = np.hypot(*(left - right)[:, :2].T)
+            width_m = float(np.median(across_m))
             if strip.kind(first) == "median":
-                line = 0.5 * (left + right) if width_m >= GRASS_MEDIAN_M else None
+                line, least_m = 0.5 * (left + right), GRASS_MEDIAN_M
             else:
                 beside = first > 0 and strip.kind(first - 1) == "roadway"
                 share = KERB_M / max(width_m, KERB_M)
                 line = left + share * (right - left) if beside else right + share * (left - right)
-                line = line if width_m >= NARROW_M else None
-            if line is not None:
+                least_m = NARROW_M
+            if width_m >= least_m:
                 name = f"roadside/{strip.road_id}/{strip.section}/{first}"
-                _beds(props, land, line, posts, strip.kind(first), clock.stream(land.seed, name))
+                room_m = across_m - least_m
+                _beds(props, land, line, room_m, posts, strip.kind(first), clock.stream(land.seed, name))
 
 
 def _beds(
-    props: PropField, land: Land, line_m: Array, posts: cKDTree | None, kind: str, draw: np.random.Generator
+    props: PropField,
+    land: Land,
+    line_m: Array,
+    room_m: Array,
+    posts: cKDTree | None,
+    kind: str,
+    draw: np.random.Generator,
 ) -> None:
-    """Beds along a line, as often as the zone has them."""
+    """Beds along a line, as often as the zone has them, and where there is room at both of their ends."""
     length_m = distance_along(line_m)
     if length_m[-1] < 2 * END_M + BED_M:
         return
@@ -111,6 +119,8 @@ def _beds(
     zones = land.zones.kinds_at(foot[:, :2])
     share = [MEDIAN_SHARE if kind == "median" else BED_SHARE.get(str(zone), 0.0) for zone in zones]
     keep = draw.random(len(at)) < np.array(share)
+    for step in (0.0, BED_M):
+        keep &= np.interp(at + step, length_m, room_m) > -0.01
     if posts is not None:
         keep &= posts.query(0.5 * (foot + end)[:, :2])[0] > POST_CLEAR_M
     way = (end - foot)[keep]
