@@ -206,7 +206,7 @@ def in_order(
 def _are_none(quat_xyzw: Array, position_m: Array) -> bool:
     """Whether attitudes are all missing or zero, or all the same although the path turns."""
     given = quat_xyzw[np.isfinite(quat_xyzw).all(axis=1)]
-    path_m = position_m[np.isfinite(position_m).all(axis=1)]
+    path_m = position_m[(np.abs(position_m) < _POSITION_MAX_M).all(axis=1)]
     if not given.any() or len(path_m) < 3:
         return not given.any()
     spread_m = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(path_m.T)), 0.0))

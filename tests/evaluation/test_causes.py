@@ -146,7 +146,8 @@ def test_a_hole_in_the_truth_counts_by_time() -> None:
 @pytest.mark.parametrize(
     ("column", "word", "words"),
     [(6, "4.8012", r"quaternion that is not of length 1 \(line 202\) but of 4\.9.*exponent"),
-     (1, "4e12", r"position beyond 1e\+09 m \(line 202\)")],
+     (1, "4e12", r"position beyond 1e\+09 m \(line 202\)"),
+     (1, "1e300", r"position beyond 1e\+09 m \(line 202\)")],
 )  # fmt: skip
 def test_an_impossible_pose_is_refused_by_its_line(
     tmp_path: Path, column: int, word: str, words: str
