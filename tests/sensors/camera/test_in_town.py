@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -116,12 +117,16 @@ def test_depth_and_labels_are_those_of_rays(stage: SensorStage, drive: Timeline)
 
 
 def test_lidar_and_camera_call_things_by_the_same_tags(stage: SensorStage, drive: Timeline) -> None:
-    """Points of a sweep of no time, seen in the picture of that time, at the depth that it shows."""
+    """Points of a sweep of no time, seen in the picture of that time, at the depth that it shows.
+
+    At an outline the middle of a pixel and a point within it may lie on different things.
+    """
     rig = rig_by_name("paper")
     mount = rig.of_kind("lidar")[0].mount
     lidar = LidarConfig(mount=mount, range_noise_m=0.0, outputs=("semantic",)).build(stage)
     sensor = camera(stage, ("depth", "semantic"))
-    agree = []
+    agree, within = [], []
+    square = np.ones((3, 3), np.uint8)
     for stamp in STAMPS_NS:
         (cloud,) = lidar.measure(drive, [stamp])
         # Points that are fired within 1 ms, at the middle of the sweep: straight ahead.
@@ -138,10 +143,13 @@ def test_lidar_and_camera_call_things_by_the_same_tags(stage: SensorStage, drive
             u, v = np.rint(uv[inside]).astype(int).T
             z = seen[inside, 2]
             both = np.abs(depth.depth_m[v, u] - z) < 0.02 * z + 0.05
-            agree.append((semantic.tag[v, u] == cloud.tag[which][inside])[both])  # type: ignore[attr-defined]
-    agree = np.concatenate(agree)
-    assert len(agree) > 3000
-    assert agree.mean() >= 0.995
+            tag = semantic.tag  # type: ignore[attr-defined]
+            agree.append((tag[v, u] == cloud.tag[which][inside])[both])  # type: ignore[attr-defined]
+            within.append((cv2.erode(tag, square) == cv2.dilate(tag, square))[v, u][both])
+    inner = np.concatenate(within)
+    assert inner.sum() > 3000
+    assert inner.mean() > 0.9
+    assert np.concatenate(agree)[inner].mean() >= 0.9995
 
 
 def test_disparity_times_depth_is_256(stage: SensorStage, drive: Timeline) -> None:
