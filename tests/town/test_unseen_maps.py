@@ -95,5 +95,5 @@ def test_the_scripted_driver_completes_a_kilometre(
     source = generated(shape, tmp_path)
     result = record(RecordConfig(map=str(source), out=tmp_path / "drive.mcap", seed=1))
     assert not result.stuck
-    assert result.length_m > 900.0
+    assert result.route_m > 900.0
     assert result.violations == {}

@@ -121,7 +121,7 @@ def test_a_wheel_alone_shows_the_demo(wheel: Path, tmp_path: Path) -> None:
     assert list(result["ape_m"]) == ["stereo-vo, ClearNoon", "stereo-vo, FoggyNoon"]
     assert "carlaloc-env[slam,report]" in result["missing"]
     assert {path.name for path in (tmp_path / "home" / "carlaloc-demo").iterdir()} == {
-        "index.html", "look.jpg", "data", "benchmark"
+        "index.html", "look.jpg", "scene.html", "data", "benchmark"
     }  # fmt: skip
     for words, extra in (
         (("benchmark", "carlaloc-demo/data"), "report"),
