@@ -211,7 +211,8 @@ def _are_none(quat_xyzw: Array, position_m: Array) -> bool:
         return not given.any()
     spread_m = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(path_m.T)), 0.0))
     turns = spread_m[2] > _LENGTH_MIN_M and spread_m[1] > _WIDTH_MIN * spread_m[2]
-    is_one = np.ptp(given, axis=0).max() < 1e-9 and abs(np.linalg.norm(given[0]) - 1.0) < 0.01
+    with np.errstate(over="ignore"):
+        is_one = np.ptp(given, axis=0).max() < 1e-9 and abs(np.linalg.norm(given[0]) - 1.0) < 0.01
     return bool(turns and is_one)
 
 
