@@ -9,6 +9,8 @@ import hashlib
 import importlib
 import re
 import sys
+from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 
 _IMPORT = re.compile(
@@ -103,6 +105,9 @@ def _folder_of(package: str) -> Path:
 
 @functools.cache
 def _version(library: str) -> str:
+    if library == "open3d":  # importing it takes half a second, which what casts no rays need not wait for
+        with suppress(metadata.PackageNotFoundError):
+            return metadata.version(library)
     try:
         module = importlib.import_module(library)
     except ImportError:
