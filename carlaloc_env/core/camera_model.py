@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core import elementary
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.errors import ConfigError, unknown_name
 
 
@@ -112,6 +112,17 @@ class Lens:
             r > 1e-12, theta * (1 + tt * (a + tt * (b + tt * (c + tt * d)))) / np.maximum(r, 1e-12), 1.0
         )
         return x * scale, y * scale
+
+    def undistortion_px(self, own: Pinhole, plain: Pinhole) -> tuple[F32, F32]:
+        """Where pixels of an image without distortion lie in the camera's, u and v [px], shape (H, W) each.
+
+        Args:
+            own: Pinhole of the camera.
+            plain: Pinhole of the image without distortion.
+        """
+        v, u = np.mgrid[: plain.height_px, : plain.width_px].astype(np.float64)
+        x, y = self.distort((u - plain.cx_px) / plain.fx_px, (v - plain.cy_px) / plain.fy_px)
+        return (own.fx_px * x + own.cx_px).astype(np.float32), (own.fy_px * y + own.cy_px).astype(np.float32)
 
     def rays(self, pinhole: Pinhole) -> NDArray[np.float64]:
         """Directions (x, y, 1) that the pixels of a camera look along, x and y, shape (H, W, 2).

@@ -230,12 +230,9 @@ def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
 
 def _undistortion(camera: CameraConfig, pinhole: Pinhole) -> Callable[[U8], U8]:
     """Makes images of a camera those that a pinhole without a lens would give; its border repeats beyond."""
-    own = camera.pinhole
-    if own == pinhole and camera.lens.is_plain:
+    if camera.pinhole == pinhole and camera.lens.is_plain:
         return lambda image: image
-    v, u = np.mgrid[: pinhole.height_px, : pinhole.width_px]
-    x, y = camera.lens.distort((u - pinhole.cx_px) / pinhole.fx_px, (v - pinhole.cy_px) / pinhole.fy_px)
-    column, row = np.float32(x * own.fx_px + own.cx_px), np.float32(y * own.fy_px + own.cy_px)
+    column, row = camera.lens.undistortion_px(camera.pinhole, pinhole)
     return lambda image: cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 

@@ -145,13 +145,7 @@ class NuscenesEncoder(Encoder):
         if camera.lens.is_plain:
             return rgb
         if camera.name not in self._maps:
-            p = camera.pinhole
-            v, u = np.mgrid[: p.height_px, : p.width_px].astype(np.float64)
-            x, y = camera.lens.distort((u - p.cx_px) / p.fx_px, (v - p.cy_px) / p.fy_px)
-            self._maps[camera.name] = (
-                (p.fx_px * x + p.cx_px).astype(np.float32),
-                (p.fy_px * y + p.cy_px).astype(np.float32),
-            )
+            self._maps[camera.name] = camera.lens.undistortion_px(camera.pinhole, camera.pinhole)
         return np.asarray(cv2.remap(rgb, *self._maps[camera.name], cv2.INTER_LINEAR), np.uint8)
 
 
