@@ -119,12 +119,14 @@ def test_depth_and_labels_are_those_of_rays(stage: SensorStage, drive: Timeline)
 def test_lidar_and_camera_call_things_by_the_same_tags(stage: SensorStage, drive: Timeline) -> None:
     """Points of a sweep of no time, seen in the picture of that time, at the depth that it shows.
 
-    At an outline the middle of a pixel and a point within it may lie on different things.
+    At an outline the middle of a pixel and a point within it may lie on different things: of points in the
+    coarser picture, nearly three times as many do.
     """
+    pinhole = Pinhole.from_fov(1920, 1080, 90.0)
     rig = rig_by_name("paper")
     mount = rig.of_kind("lidar")[0].mount
     lidar = LidarConfig(mount=mount, range_noise_m=0.0, outputs=("semantic",)).build(stage)
-    sensor = camera(stage, ("depth", "semantic"))
+    sensor = camera(stage, ("depth", "semantic"), pinhole=pinhole)
     agree, within = [], []
     square = np.ones((3, 3), np.uint8)
     for stamp in STAMPS_NS:
@@ -137,9 +139,9 @@ def test_lidar_and_camera_call_things_by_the_same_tags(stage: SensorStage, drive
             T = transforms.invert(sensor.config.mount.T_base_sensor) @ mount.T_base_sensor  # type: ignore[attr-defined]
             seen = transforms.apply(T, points)
             depth, semantic = sensor.measure(drive, [stamp + middle])  # type: ignore[attr-defined]
-            uv = SMALL.project(seen)
+            uv = pinhole.project(seen)
             inside = np.isfinite(uv).all(axis=1) & (uv > 0).all(axis=1)
-            inside &= (uv[:, 0] < SMALL.width_px - 1) & (uv[:, 1] < SMALL.height_px - 1)
+            inside &= (uv[:, 0] < pinhole.width_px - 1) & (uv[:, 1] < pinhole.height_px - 1)
             u, v = np.rint(uv[inside]).astype(int).T
             z = seen[inside, 2]
             both = np.abs(depth.depth_m[v, u] - z) < 0.02 * z + 0.05
@@ -149,7 +151,7 @@ def test_lidar_and_camera_call_things_by_the_same_tags(stage: SensorStage, drive
     agree, inner = np.concatenate(agree), np.concatenate(within)
     assert inner.sum() > 3000
     assert agree[inner].mean() >= 0.9995
-    assert agree.mean() >= 0.995
+    assert agree.mean() >= 0.997
 
 
 def test_disparity_times_depth_is_256(stage: SensorStage, drive: Timeline) -> None:
