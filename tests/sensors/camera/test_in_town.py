@@ -150,6 +150,7 @@ def test_lidar_and_camera_call_things_by_the_same_tags(stage: SensorStage, drive
             within.append((cv2.erode(tag, square) == cv2.dilate(tag, square))[v, u][both])
     agree, inner = np.concatenate(agree), np.concatenate(within)
     assert inner.sum() > 3000
+    assert inner.mean() > 0.9
     assert agree[inner].mean() >= 0.9995
     assert agree.mean() >= 0.997
 
