@@ -6,6 +6,9 @@ The rest stands in pyproject.toml, which can find packages or rename a folder, b
 from setuptools import find_packages, setup
 
 setup(
-    packages=[*find_packages(include=["carlaloc_env*", "recorder*"]), "carlaloc_env.maps"],
+    packages=[
+        *find_packages(include=["carlaloc_env*", "recorder*"]),
+        *(f"carlaloc_env.{name}" for name in find_packages(include=["maps*"])),
+    ],
     package_dir={"carlaloc_env.maps": "maps"},
 )

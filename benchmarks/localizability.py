@@ -19,6 +19,8 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.map.routing.route import Route
+from carlaloc_env.map.sources import known_towns
 from carlaloc_env.raycast import Hits
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.materials import Material, Tag
@@ -26,8 +28,6 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.lidar.lidar import ScanPattern
 from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.routing.route import Route
-from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import weather_by_name
 

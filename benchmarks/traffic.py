@@ -8,8 +8,8 @@ from pathlib import Path
 
 from traffic_audit import TrafficReport, audit_traffic
 
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.sources import find_town
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.sources import find_town
 from carlaloc_env.traffic.population import TrafficConfig
 
 PAPER_COUNTS = {

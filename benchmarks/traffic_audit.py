@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.standing_traffic import TrafficTables

@@ -20,6 +20,9 @@ from carlaloc_env.driving.road_ahead import DriverView as DriverView
 from carlaloc_env.envs.carlaloc_env import AnyTownEnv as AnyTownEnv
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv as CarlaLocEnv
 from carlaloc_env.envs.task.referee import TaskConfig as TaskConfig
+from carlaloc_env.map.sources import TownId as TownId
+from carlaloc_env.map.sources import identify_town as identify_town
+from carlaloc_env.map.sources import known_towns as known_towns
 from carlaloc_env.rigs.presets import rig_by_name as rig_by_name
 from carlaloc_env.rigs.rig import SensorRig as SensorRig
 from carlaloc_env.samples import CanState as CanState
@@ -57,9 +60,6 @@ from carlaloc_env.timeline.timeline import ActorFrame as ActorFrame
 from carlaloc_env.timeline.timeline import Snapshot as Snapshot
 from carlaloc_env.timeline.timeline import Timeline as Timeline
 from carlaloc_env.town.build import load_town as load_town
-from carlaloc_env.town.sources import TownId as TownId
-from carlaloc_env.town.sources import identify_town as identify_town
-from carlaloc_env.town.sources import known_towns as known_towns
 from carlaloc_env.town.town import Town as Town
 from carlaloc_env.traffic.population import TrafficConfig as TrafficConfig
 from carlaloc_env.traffic.population import traffic_of_town as traffic_of_town

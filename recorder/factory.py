@@ -22,8 +22,8 @@ from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError, unknown_name
 from carlaloc_env.core.files.output_paths import atomic_write, check_output_folder, claim, remove
 from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.map.sources import ALIASES, known_towns
 from carlaloc_env.rigs.presets import RIG_RIDES
-from carlaloc_env.town.sources import ALIASES, known_towns
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, SEQUENCE, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
 from recorder.episode.episode import Episode

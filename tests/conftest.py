@@ -29,7 +29,7 @@ LONG = tuple(
         *("sweep/", "breaking/", "closed_loop/", "places/", "consistency/", "map_truth/test_map_commands.py"),
         *("demo/", "factory/", "verification/", "writers/test_full_disks.py", "cli/test_closed_pipe.py"),
         *("render/lighting/test_sunlit_lanes.py", "rigs/test_industrial_camera.py"),
-        *("town/opendrive/test_fuzz.py", "town/opendrive/test_crossfall.py", "town/test_build.py"),
+        *("map/opendrive/test_fuzz.py", "map/opendrive/test_crossfall.py", "town/test_build.py"),
         *("devices/scripted/test_hand.py", "view/test_scene_page.py", "report/test_town_list.py"),
         *(
             "traffic/test_whole_towns.py",

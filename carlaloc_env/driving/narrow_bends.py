@@ -7,8 +7,8 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.map.routing.route import RoutePose
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.routing.route import RoutePose
 
 _RANGE_M = 45.0
 """Distance within which bends are looked for [m]."""

@@ -16,10 +16,10 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.driving.narrow_bends import ONCOMING_RAD, STANDING_MPS, narrow_bend_m
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.route import Route, RoutePose
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.route import Route, RoutePose
 from carlaloc_env.traffic.signals import stop_lines
 
 _RANGE_M = 45.0

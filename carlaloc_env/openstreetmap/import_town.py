@@ -18,6 +18,7 @@ from carlaloc_env.authoring.elements.mirroring import mirror
 from carlaloc_env.authoring.opendrive_writer import opendrive_text
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.map.routing.route import FitTurns
 from carlaloc_env.openstreetmap.clusters import End, half_width
 from carlaloc_env.openstreetmap.countries import Country, country_of, drives_left
 from carlaloc_env.openstreetmap.extract import Box, Extract, Way, place, read_extract
@@ -59,7 +60,12 @@ class ImportedTown:
 
 
 def import_town(
-    source: Path, *, box: Box | None = None, name: str = "", heights: Path | None = None
+    source: Path,
+    *,
+    box: Box | None = None,
+    name: str = "",
+    heights: Path | None = None,
+    fit_turns: FitTurns | None = None,
 ) -> ImportedTown:
     """Make a town of an extract.
 
@@ -68,6 +74,7 @@ def import_town(
         box: West, south, east, north [deg]; None: the whole file.
         name: Name of the town; empty: that of the file.
         heights: Raster of the land's heights; None: a flat town.
+        fit_turns: Fits tight turns of the default route to a car; None: it keeps to the lanes' middle.
 
     Raises:
         MapError: A file cannot be read, holds no streets on which one could drive, or heights of elsewhere.
@@ -126,7 +133,7 @@ def import_town(
     kept = _beside(features, network, land)
     return ImportedTown(
         xodr=xodr,
-        toml=settings_text(title, extract, Features(kept, {}), network, xodr),
+        toml=settings_text(title, extract, Features(kept, {}), network, xodr, fit_turns),
         features=geojson(kept, extract),
         report=_report(source, extract, graph, chains, dropped, features, network, country, side, land),
     )

@@ -9,14 +9,15 @@ import numpy as np
 import shapely
 
 from carlaloc_env.authoring.elements.map_parts import RoadPart
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.opendrive.reader import read_opendrive
+from carlaloc_env.map.routing.default_route import choose_loop
+from carlaloc_env.map.routing.route import FitTurns
 from carlaloc_env.openstreetmap.axes import sampled
 from carlaloc_env.openstreetmap.extract import Extract
 from carlaloc_env.openstreetmap.features import Features
 from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.routing.default_route import choose_loop
 
 ZONES = {
     "field": "rural", "wood": "rural", "residential": "residential", "industrial": "industrial",
@@ -34,7 +35,14 @@ LEAST_ROWS = 30
 MOST_VEHICLES, MOST_WALKERS = 160, 60
 
 
-def settings_text(name: str, extract: Extract, features: Features, network: RoadNetwork, xodr: str) -> str:
+def settings_text(
+    name: str,
+    extract: Extract,
+    features: Features,
+    network: RoadNetwork,
+    xodr: str,
+    fit_turns: FitTurns | None,
+) -> str:
     """Text of `town.toml`, for the map whose text is `xodr`."""
     geo = extract.geo
     roads = [road for road in network.roads if road.junction < 0]
@@ -56,7 +64,7 @@ def settings_text(name: str, extract: Extract, features: Features, network: Road
         "[traffic]",
         f"vehicles = {min(MOST_VEHICLES, round(VEHICLES_PER_KM * km))}",
         f"walkers = {min(MOST_WALKERS, round(WALKERS_PER_KM * walked))}",
-        *_route(xodr),
+        *_route(xodr, fit_turns),
     ]
     dry = _ground_of(network)
     for kind, zone in ZONES.items():
@@ -70,12 +78,13 @@ def settings_text(name: str, extract: Extract, features: Features, network: Road
     return "\n".join(lines) + "\n"
 
 
-def _route(xodr: str) -> list[str]:
+def _route(xodr: str, fit_turns: FitTurns | None) -> list[str]:
     """Lines of the default route: about a kilometre of the town's own streets, where these lead round."""
     town = read_opendrive(xodr.encode())
     lanes = build_network(town)
     ours = {road.id for road in town.roads if PLACE_NAME in road.name or ": back from" in road.name}
-    route = choose_loop(lanes, avoided=np.array([lane.road_id in ours for lane in lanes.lanes]))
+    avoided = np.array([lane.road_id in ours for lane in lanes.lanes])
+    route = choose_loop(lanes, avoided=avoided, fit_turns=fit_turns)
     if route is None:
         return []
     starts = np.flatnonzero(np.diff(route.lane, prepend=-1))

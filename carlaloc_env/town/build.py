@@ -9,14 +9,16 @@ import numpy as np
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.array_cache import cached
+from carlaloc_env.map.config import TownConfig
+from carlaloc_env.map.opendrive.reader import read_opendrive
+from carlaloc_env.map.opendrive.records import OpenDrive
+from carlaloc_env.map.roads import TownRoads, build_roads
+from carlaloc_env.map.sources import TownId, identify_town
 from carlaloc_env.road.road_profile import Roughness
 from carlaloc_env.scene.mesh import Mesh, meshes_from_arrays, meshes_to_arrays
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.mapped import read_mapped
-from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.opendrive.records import OpenDrive
-from carlaloc_env.town.sources import TownId, identify_town
-from carlaloc_env.town.town import Town, TownOutline, TownRoads, TownScenery, town_hash
+from carlaloc_env.scenery.mapped import read_mapped
+from carlaloc_env.scenery.outline import TownOutline, TownScenery
+from carlaloc_env.town.town import Town, town_hash
 
 _log = logging.getLogger(__name__)
 _PLACE = ("geoReference", "offset", "header")
@@ -111,7 +113,7 @@ class _TownCache:
         """Settings of `town.toml`, or those chosen where there is none."""
         if self._source.toml is not None:
             return TownConfig.from_toml(self._source.toml)
-        from carlaloc_env.town.construction import choose_config
+        from carlaloc_env.map.zones import choose_config
 
         return choose_config(self.xodr, self._source.name)
 
@@ -154,10 +156,11 @@ class _TownCache:
         )
 
     def _build_roads(self) -> TownRoads:
-        from carlaloc_env.town.construction import build_roads
+        # Here, since it brings all that knows kerbs, and a route from the cache is fitted already.
+        from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 
         self._warn_of_notes()
-        return build_roads(self.xodr, self.config, self.seed)
+        return build_roads(self.xodr, self.config, self.seed, fit_turns)
 
     def _warn_of_notes(self) -> None:
         """Log notes on the map as a whole, a line each, and the number of all others."""
@@ -177,7 +180,7 @@ class _TownCache:
 
     @cached_property
     def _built(self) -> TownScenery:
-        from carlaloc_env.town.construction import build_scenery
+        from carlaloc_env.scenery.construction import build_scenery
 
         roads = self.roads
         route_m = None if roads.route is None else roads.route.position_m[:, :2]

@@ -17,10 +17,10 @@ from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_WHEELBASE_M
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.map.config import SignalTiming
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.timeline.timeline import ActorCatalog
-from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.traffic.tables.record_arrays import fill
 from carlaloc_env.traffic.tables.vehicle_state import DriverParameters, Drivers
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
@@ -126,7 +126,7 @@ def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: in
     vehicles, walkers = town.config.traffic.vehicles, town.config.traffic.walkers
     if vehicles is None or walkers is None:
         # Here, since what builds towns takes half a second to import, and a town's file names its numbers.
-        from carlaloc_env.town.construction import traffic_counts
+        from carlaloc_env.map.traffic_counts import traffic_counts
 
         vehicles, walkers = traffic_counts(town.network, town.config.traffic)
     timing = town.config.signals

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.town.config import SignalTiming
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.route import Route
+from carlaloc_env.map.config import SignalTiming
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.traffic.tables.conflict_zones import TURN_RAD
 from carlaloc_env.traffic.tables.lane_reachability import MAIN_STREET_DEMAND, lane_demand
 from carlaloc_env.traffic.tables.lane_tables import Roads

@@ -15,12 +15,12 @@ from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.files.array_cache import arrays_hash, cached
+from carlaloc_env.map.config import SignalTiming
+from carlaloc_env.map.lanes import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.build import KEPT_FILES
-from carlaloc_env.town.config import SignalTiming
-from carlaloc_env.town.lanes import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.population import catalog_of, draw_names, draw_tint
 from carlaloc_env.traffic.signals import SignalPlan

@@ -13,8 +13,8 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.jit import compiled, same_types
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.timeline.timeline import ActorFrame
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.population import (
     TrafficConfig,
     draw_catalog,

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.map.sources import known_towns
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.timeline import Snapshot
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.standing_traffic import standing_traffic
 from carlaloc_env.weather.parameters import weather_by_name

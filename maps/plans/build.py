@@ -5,7 +5,7 @@ import importlib
 import pathlib
 import sys
 
-from carlaloc_env.authoring.builder import Builder
+from .authoring.builder import Builder
 
 MAPS = pathlib.Path(__file__).resolve().parents[1]
 """Folder of the towns."""

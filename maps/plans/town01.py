@@ -10,7 +10,8 @@ The drive: Market St westwards, right over the Old Bridge, left into Mill St, ri
 """
 
 from carlaloc_env.authoring.elements.cross_sections import CrossSection
-from carlaloc_env.authoring.plan import TownPlan
+
+from .authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=49.0 +lon_0=8.0 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 """Projection of the map: transverse Mercator about its origin."""

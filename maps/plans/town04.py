@@ -18,12 +18,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from carlaloc_env.authoring.elements.cross_sections import BARE, CrossSection
-from carlaloc_env.authoring.elements.ramps import Exit, Gore, Merge, OnRay
 from carlaloc_env.authoring.geometry.elevation import Climb, Profile
 from carlaloc_env.authoring.geometry.newton import solve
 from carlaloc_env.authoring.geometry.path_operations import meeting
 from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose
-from carlaloc_env.authoring.plan import TownPlan
+
+from .authoring.plan import TownPlan
+from .authoring.ramps import Exit, Gore, Merge, OnRay
 
 PROJECTION = "+proj=tmerc +lat_0=48.99 +lon_0=8.52 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 """Projection of the map: transverse Mercator about its origin."""

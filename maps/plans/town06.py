@@ -13,11 +13,12 @@ The drive: eastwards along the highway in its right lane, over into the auxiliar
 
 from typing import Any
 
-from carlaloc_env.authoring.elements.auxiliary_lanes import ExtraLane
 from carlaloc_env.authoring.elements.cross_sections import BARE, CrossSection
-from carlaloc_env.authoring.elements.ramps import Exit, Merge, OnRay
 from carlaloc_env.authoring.geometry.elevation import Profile
-from carlaloc_env.authoring.plan import TownPlan
+
+from .authoring.auxiliary_lanes import ExtraLane
+from .authoring.plan import TownPlan
+from .authoring.ramps import Exit, Merge, OnRay
 
 PROJECTION = "+proj=tmerc +lat_0=49.05 +lon_0=8.3 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 """Projection of the map: transverse Mercator about its origin."""

@@ -15,7 +15,8 @@ The drive: north through the hamlet, along the lake, between the fields and over
 import math
 
 from carlaloc_env.authoring.elements.cross_sections import CrossSection
-from carlaloc_env.authoring.plan import TownPlan
+
+from .authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=49.0 +lon_0=8.1 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 """Projection of the map: transverse Mercator about its origin."""

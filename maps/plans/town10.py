@@ -12,9 +12,10 @@
 The drive's loop runs clockwise in the right lane: once round the town and once round its south-west block.
 """
 
-from carlaloc_env.authoring.elements.auxiliary_lanes import ExtraLane
 from carlaloc_env.authoring.elements.cross_sections import CrossSection
-from carlaloc_env.authoring.plan import TownPlan
+
+from .authoring.auxiliary_lanes import ExtraLane
+from .authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=34.0 +lon_0=-118.2 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 """Projection of the map: transverse Mercator about its origin."""

@@ -12,8 +12,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.route import Route
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.route import Route
 from recorder.evaluation.align import umeyama
 from recorder.laboratory.estimated_pose_env import EstimatedPoseEnv, StepDriver
 from recorder.laboratory.pose_source import KnownError, PoseSource, SystemPose

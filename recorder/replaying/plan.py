@@ -14,6 +14,7 @@ from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.core.jit import usable_cores
 from carlaloc_env.faults.faults import Faults
+from carlaloc_env.map.sources import TownId
 from carlaloc_env.render.views import check_quality
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig, check_memory
@@ -21,7 +22,6 @@ from carlaloc_env.samples import Events, Image, PointCloud
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.town.sources import TownId
 from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats
 from recorder.dataset.manifest import drive_origin, has_drive
 from recorder.episode.episode import Episode

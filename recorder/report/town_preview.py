@@ -23,16 +23,16 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError, is_name
 from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, apply, from_rotation, invert
+from carlaloc_env.map.config import TownConfig
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.opendrive.reader import read_opendrive
+from carlaloc_env.map.sources import known_towns
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.views import FAR_M
 from carlaloc_env.scene.mesh import Instances, ModelLibrary
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.standing_traffic import TrafficTables, standing_traffic
 from carlaloc_env.weather.parameters import weather_by_name

@@ -21,12 +21,12 @@ from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
+from carlaloc_env.map.sources import known_towns
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene.materials import PALETTE_RGB, Tag
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
 from recorder.dataset.sequence import SlamSequence
 from recorder.episode.episode import Episode

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.core.files.array_cache import default_cache_dir
-from carlaloc_env.town.sources import known_towns
+from carlaloc_env.map.sources import known_towns
 from carlaloc_env.weather.parameters import PRESETS
 from recorder.devices.base import DEVICES, HUMAN, Command
 from recorder.devices.inputs import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT, Inputs, Press
@@ -155,7 +155,7 @@ class StartScreen:
         profiles = known_profiles()
         self._roles = {device: StickRoles(device, profiles, inputs) for device in HUMAN}
         # Here and not above: a window opens before this is loaded.
-        from carlaloc_env.town.config import TownConfig
+        from carlaloc_env.map.config import TownConfig
 
         files = {name: path.with_name("town.toml") for name, path in known_towns().items()}
         towns = {

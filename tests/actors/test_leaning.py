@@ -9,8 +9,8 @@ from shared_fixtures.worlds.towns import town_network
 from benchmarks.traffic_audit import NOBODY
 from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.assets.catalog import VEHICLES
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.world import TrafficWorld
 

@@ -14,17 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from carlaloc_env.town.opendrive.reference_line import clothoid
+from carlaloc_env.map.opendrive.reference_line import clothoid
 
 ROOT = pathlib.Path(__file__).parents[2]
 TOWNS = sorted(p.parent.name for p in (ROOT / "maps").glob("*/town.xodr"))
 
 
 def tool(name: str) -> ModuleType:
-    """A module of carlaloc_env/authoring."""
+    """A module that writes maps."""
     import importlib
 
-    return importlib.import_module(f"carlaloc_env.authoring.{name}")
+    return importlib.import_module(f"carlaloc_env.{name}")
 
 
 def walked(path: Any) -> tuple[float, float, float]:
@@ -57,7 +57,7 @@ def assert_continuous(path: Any) -> None:
     h=st.floats(-3, 3),
 )
 def test_a_corner_joins_two_straights(turn: float, first: float, second: float, left: bool, h: float) -> None:
-    curves = tool("geometry.plan_view_curves")
+    curves = tool("authoring.geometry.plan_view_curves")
     delta = turn if left else -turn
     start = curves.Pose(3.0, -7.0, h)
     bend = start.ahead(first)
@@ -71,7 +71,7 @@ def test_a_corner_joins_two_straights(turn: float, first: float, second: float, 
 @settings(max_examples=30, deadline=None)
 @given(ahead=st.floats(15, 80), aside=st.floats(-3.5, 3.5).filter(lambda v: abs(v) > 1e-3))
 def test_a_shift_ends_beside_its_start(ahead: float, aside: float) -> None:
-    curves = tool("geometry.plan_view_curves")
+    curves = tool("authoring.geometry.plan_view_curves")
     path = curves.curve_between(curves.Pose(0.0, 0.0, 0.0), curves.Pose(ahead, aside, 0.0))
     assert_continuous(path)
     assert walked(path) == pytest.approx((ahead, aside, 0.0), abs=1e-8)
@@ -81,7 +81,7 @@ def test_a_shift_ends_beside_its_start(ahead: float, aside: float) -> None:
 @given(k0=st.floats(-0.2, 0.2), k1=st.floats(-0.2, 0.2), length=st.floats(1.0, 90.0))
 def test_clothoids_are_written_as_they_are_read(k0: float, k1: float, length: float) -> None:
     """The writer's curve and the reader's end at the same point; their sums run in another order."""
-    curves = tool("geometry.plan_view_curves")
+    curves = tool("authoring.geometry.plan_view_curves")
     tip = curves.Piece(length, k0, k1).end(curves.Pose(0.0, 0.0, 0.0))
     rate = np.array([(k1 - k0) / length])
     u, v, turn = clothoid(np.array([k0]), rate, np.array([length]))
@@ -92,7 +92,7 @@ def test_names_are_escaped_as_xml_asks() -> None:
     """A name of odd characters comes back from the file."""
     town = odd_town()
     town.name, town.projection = 'Bäcker & "Söhne" <1>', "+proj=tmerc & <x>"
-    root = ElementTree.fromstring(tool("builder").Builder(town).build())
+    root = ElementTree.fromstring(tool("maps.plans.authoring.builder").Builder(town).build())
     header = root.find("header")
     assert header is not None
     assert header.attrib["name"] == town.name
@@ -100,7 +100,7 @@ def test_names_are_escaped_as_xml_asks() -> None:
 
 
 def test_a_bend_that_no_clothoid_fits_becomes_a_cubic_of_true_length() -> None:
-    curves = tool("geometry.plan_view_curves")
+    curves = tool("authoring.geometry.plan_view_curves")
     path = curves.curve_between(curves.Pose(0.0, 0.0, 0.0), curves.Pose(10.0, 20.0, -0.6))
     (piece,) = path.pieces
     bu, cu, du, bv, cv, dv = piece.cubic
@@ -114,7 +114,7 @@ def test_a_bend_that_no_clothoid_fits_becomes_a_cubic_of_true_length() -> None:
 
 
 def test_entry_and_exit_of_a_roundabout_meet_the_ring() -> None:
-    curves, shapes = tool("geometry.plan_view_curves"), tool("elements.roundabouts")
+    curves, shapes = tool("authoring.geometry.plan_view_curves"), tool("maps.plans.authoring.roundabouts")
     shape = shapes.RoundaboutShape()
     angle, k = math.pi + shape.half_angle_rad, 1 / shape.island_m
     ring = curves.Pose(
@@ -135,7 +135,7 @@ def test_entry_and_exit_of_a_roundabout_meet_the_ring() -> None:
 
 
 def test_a_bulb_returns_beside_its_start() -> None:
-    curves = tool("geometry.plan_view_curves")
+    curves = tool("authoring.geometry.plan_view_curves")
     path = curves.turning_bulb(curves.Pose(2.0, 1.0, 0.5), 8.5, 16.0, 4.0)
     assert_continuous(path)
     x, y, h = walked(path)
@@ -145,7 +145,7 @@ def test_a_bulb_returns_beside_its_start() -> None:
 
 def test_vertical_curves_are_smooth_and_pass_the_grades() -> None:
     """A dip to −6 m: level ends, both grades, the lowest point where it was asked for."""
-    profiles = tool("geometry.elevation")
+    profiles = tool("authoring.geometry.elevation")
     spec = profiles.Dip(bottom_m=-6.0, grade=0.078, k_m=4.2, x=0.0, y=0.0)
     records = profiles.dip(0.0, 0.0, 230.0, spec, 113.0)
 
@@ -165,7 +165,7 @@ def test_vertical_curves_are_smooth_and_pass_the_grades() -> None:
 
 
 def test_a_width_change_has_no_curvature_jump() -> None:
-    sections = tool("elements.cross_sections")
+    sections = tool("authoring.elements.cross_sections")
     records = sections.blend(3.5, 4.6, 22.0)
     ds = np.linspace(0.0, 22.0, 4401)
     w = np.array([sections.value_at(records, float(v)) for v in ds])
@@ -179,11 +179,13 @@ def test_a_width_change_has_no_curvature_jump() -> None:
 
 def odd_town() -> Any:
     """Five roads at uneven angles, a skew T, a lane drop and a roundabout of three arms."""
-    plan, cross = tool("plan"), tool("elements.cross_sections").CrossSection
+    plan, cross = tool("maps.plans.authoring.plan"), tool("authoring.elements.cross_sections").CrossSection
     wide, narrow = cross(lanes=2, median_m=3.0), cross(lanes=1, lane_m=3.2, sidewalk_m=2.0)
     town = plan.TownPlan(name="odd", projection="+proj=tmerc +lat_0=0 +lon_0=0")
     town.node("star", 0.0, 0.0, corner_m=12.0)
-    town.node("ring", 220.0, 0.0, roundabout=tool("elements.roundabouts").RoundaboutShape(arm_m=46.0))
+    town.node(
+        "ring", 220.0, 0.0, roundabout=tool("maps.plans.authoring.roundabouts").RoundaboutShape(arm_m=46.0)
+    )
     town.node("skew", 40.0, 170.0, control="stop")
     for name, x, y in (("a", -120.0, 60.0), ("b", -120.0, -70.0), ("c", 60.0, -120.0), ("d", 30.0, 290.0)):
         town.node(name, x, y, control="bulb")
@@ -202,7 +204,7 @@ def odd_town() -> Any:
 def test_an_odd_town_is_a_whole_network() -> None:
     """carla.Map finds every driving lane of a town with uneven junctions connected at both ends."""
     carla = pytest.importorskip("carla")
-    text = tool("builder").Builder(odd_town()).build()
+    text = tool("maps.plans.authoring.builder").Builder(odd_town()).build()
     root = ElementTree.fromstring(text)
     assert root.find("header") is not None
     town = carla.Map("odd", text)
@@ -221,22 +223,22 @@ def test_an_odd_town_is_a_whole_network() -> None:
 
 
 def test_impossible_plans_say_what_does_not_fit() -> None:
-    plan, cross = tool("plan"), tool("elements.cross_sections").CrossSection
-    error = tool("geometry.newton").PlanError
+    plan, cross = tool("maps.plans.authoring.plan"), tool("authoring.elements.cross_sections").CrossSection
+    error = tool("authoring.geometry.newton").PlanError
     town = plan.TownPlan(name="x", projection="")
     town.node("a", 0.0, 0.0)
     town.node("b", 60.0, 0.0)
     town.road("r", "a", "c", cross(lanes=1), 50)
     with pytest.raises(error, match="'c'"):
-        tool("builder").Builder(town).build()
+        tool("maps.plans.authoring.builder").Builder(town).build()
     town.roads[0].b = "b"
     town.roads[0].ends = ("pocket", "pocket")
     with pytest.raises(error, match="no room for its pockets"):
-        tool("builder").Builder(town).build()
+        tool("maps.plans.authoring.builder").Builder(town).build()
     town.roads[0].ends = ("plain", "plain")
     town.roads[0].bends = ((30.0, 2.0, 500.0, 10.0),)
     with pytest.raises(error, match="overlap"):
-        tool("builder").Builder(town).build()
+        tool("maps.plans.authoring.builder").Builder(town).build()
 
 
 @pytest.mark.parametrize("name", TOWNS)

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 
 def tool(name: str) -> ModuleType:
-    """A module of carlaloc_env/authoring."""
-    return importlib.import_module(f"carlaloc_env.authoring.{name}")
+    """A module that writes maps."""
+    return importlib.import_module(f"carlaloc_env.{name}")
 
 
 def bent_road() -> Any:
     """A road with a straight, a clothoid, an arc and a clothoid back, twice."""
-    return tool("geometry.plan_view_curves").fillet(
+    return tool("authoring.geometry.plan_view_curves").fillet(
         [(0, 0), (200, 0), (260, 150), (400, 160)], [(60, 30), (80, 20)]
     )
 
@@ -27,7 +27,7 @@ def bent_road() -> Any:
 @settings(max_examples=30, deadline=None)
 @given(first=st.floats(0, 300), length=st.floats(0.5, 80), along=st.floats(0, 1))
 def test_a_cut_runs_along_the_whole(first: float, length: float, along: float) -> None:
-    paths, road = tool("geometry.path_operations"), bent_road()
+    paths, road = tool("authoring.geometry.path_operations"), bent_road()
     assume(first + length < road.length)
     part = paths.cut(road, first, first + length)
     assert part.length == pytest.approx(length, abs=1e-9)
@@ -39,7 +39,7 @@ def test_a_cut_runs_along_the_whole(first: float, length: float, along: float) -
 
 
 def test_a_loop_is_cut_across_its_start() -> None:
-    curves, paths = tool("geometry.plan_view_curves"), tool("geometry.path_operations")
+    curves, paths = tool("authoring.geometry.plan_view_curves"), tool("authoring.geometry.path_operations")
     square = curves.fillet([(50, 0), (100, 0), (100, 100), (0, 100), (0, 0), (50, 0)], [(20, 10)] * 4)
     part = paths.cut(square, square.length - 10, square.length + 15, closed=True)
     assert len(part.pieces) == 1  # both ends of the loop lie on one straight
@@ -49,7 +49,7 @@ def test_a_loop_is_cut_across_its_start() -> None:
 @settings(max_examples=20, deadline=None)
 @given(right=st.floats(-15, 15).filter(lambda v: abs(v) > 1.0), at=st.floats(0, 1))
 def test_parallels_keep_their_distance(right: float, at: float) -> None:
-    curves, paths = tool("geometry.plan_view_curves"), tool("geometry.path_operations")
+    curves, paths = tool("authoring.geometry.plan_view_curves"), tool("authoring.geometry.path_operations")
     path = curves.Path(
         curves.Pose(3, 4, 0.5), (curves.Piece(30), curves.Piece(50, 1 / 40, 1 / 40), curves.Piece(20))
     )
@@ -64,13 +64,17 @@ def test_parallels_keep_their_distance(right: float, at: float) -> None:
 
 
 def test_parallels_of_clothoids_are_refused() -> None:
-    curves, paths = tool("geometry.plan_view_curves"), tool("geometry.path_operations")
-    with pytest.raises(tool("geometry.newton").PlanError, match="transition"):
+    curves, paths = tool("authoring.geometry.plan_view_curves"), tool("authoring.geometry.path_operations")
+    with pytest.raises(tool("authoring.geometry.newton").PlanError, match="transition"):
         paths.shifted(curves.Path(curves.Pose(0, 0, 0), (curves.Piece(30, 0.0, 0.01),)), 2.0)
 
 
 def test_backwards_and_u_turn() -> None:
-    curves, paths, road = tool("geometry.plan_view_curves"), tool("geometry.path_operations"), bent_road()
+    curves, paths, road = (
+        tool("authoring.geometry.plan_view_curves"),
+        tool("authoring.geometry.path_operations"),
+        bent_road(),
+    )
     back = paths.backwards(road)
     for s in (0.0, 120.0, 233.0):
         a, b = road.at(s), back.at(road.length - s)
@@ -84,7 +88,7 @@ def test_backwards_and_u_turn() -> None:
 
 def slopes(records: Any, length: float) -> tuple[np.ndarray, np.ndarray]:
     """Heights and grades every 0.1 m."""
-    height = tool("geometry.elevation").height_at
+    height = tool("authoring.geometry.elevation").height_at
     return tuple(np.array([height(records, s) for s in np.arange(0.0, length, 0.1)]).T)  # type: ignore[return-value]
 
 
@@ -93,7 +97,7 @@ def slopes(records: Any, length: float) -> tuple[np.ndarray, np.ndarray]:
 def test_a_ramp_keeps_both_grades_and_bends_no_more_than_it_may(
     rise: float, grade0: float, grade1: float, k: float
 ) -> None:
-    records = tool("geometry.elevation").ramp(1.0, grade0, 1.0 + rise, grade1, 160.0, k)
+    records = tool("authoring.geometry.elevation").ramp(1.0, grade0, 1.0 + rise, grade1, 160.0, k)
     z, grade = slopes(records, 160.0 + 0.05)
     assert z[0] == pytest.approx(1.0)
     assert z[-1] == pytest.approx(1.0 + rise, abs=1e-6)
@@ -104,7 +108,7 @@ def test_a_ramp_keeps_both_grades_and_bends_no_more_than_it_may(
 
 
 def test_a_cut_profile_has_the_heights_of_the_whole() -> None:
-    profiles = tool("geometry.elevation")
+    profiles = tool("authoring.geometry.elevation")
     whole = profiles.vertical_curves([(60, 3.0), (200, -2.0), (300, -2.0), (440, 3.0)], 500.0, 10.0)
     for first, last in ((0.0, 500.0), (33.0, 222.0), (210.0, 290.0)):
         part = profiles.cut_profile(whole, first, last, 500.0)
@@ -123,7 +127,7 @@ def test_a_cut_profile_has_the_heights_of_the_whole() -> None:
 @pytest.mark.parametrize("ends", [("plain", "plain"), ("plain", "pocket"), ("pocket", "pocket")])
 def test_an_extra_lane_widens_the_road_by_itself(ends: tuple[str, str]) -> None:
     """Whatever other sections there are, the road's edge moves out by the lane's width and nothing else."""
-    sections, extra = tool("elements.cross_sections"), tool("elements.auxiliary_lanes")
+    sections, extra = tool("authoring.elements.cross_sections"), tool("maps.plans.authoring.auxiliary_lanes")
     cross = sections.CrossSection(lanes=2, median_m=4.0)
     plain = sections.road_sections(cross, 200.0, ends, 25.0, (30.0, 30.0))
     lane = extra.ExtraLane(side="R", first_m=20.0, last_m=-15.0, taper_m=40.0, width_m=3.2)
@@ -149,24 +153,28 @@ def test_an_extra_lane_widens_the_road_by_itself(ends: tuple[str, str]) -> None:
 
 
 def test_an_extra_lane_that_does_not_fit_is_refused() -> None:
-    sections, extra = tool("elements.cross_sections"), tool("elements.auxiliary_lanes")
+    sections, extra = tool("authoring.elements.cross_sections"), tool("maps.plans.authoring.auxiliary_lanes")
     cross = sections.CrossSection(lanes=1)
     plain = sections.road_sections(cross, 60.0, ("plain", "plain"), 20.0, (0.0, 0.0))
-    with pytest.raises(tool("geometry.newton").PlanError, match="does not fit"):
+    with pytest.raises(tool("authoring.geometry.newton").PlanError, match="does not fit"):
         extra.add_extra_lanes(plain, cross, 60.0, [extra.ExtraLane(side="R", first_m=10.0, last_m=-10.0)])
 
 
 def motorway() -> Any:
     """A loop with an exit and a merge on a slope, joined by a street."""
-    plan, cross = tool("plan"), tool("elements.cross_sections").CrossSection
-    gores, profiles = tool("elements.ramps"), tool("geometry.elevation")
+    plan, cross = tool("maps.plans.authoring.plan"), tool("authoring.elements.cross_sections").CrossSection
+    gores, profiles = tool("maps.plans.authoring.ramps"), tool("authoring.geometry.elevation")
     bare = {"gutter_m": 0.0, "sidewalk_m": 0.0}
     wide = cross(lanes=3, back=0, inner_shoulder_m=0.8, shoulder_m=2.5, **bare)
     ramp = cross(lanes=1, back=0, lane_m=4.0, inner_shoulder_m=0.5, shoulder_m=1.5, **bare)
     town = plan.TownPlan(name="loop", projection="+proj=tmerc +lat_0=0 +lon_0=0")
     corners = [(0, 300), (400, 300), (400, 700), (-400, 700), (-400, 300), (0, 300)]
     town.loop(
-        "Ring", tool("geometry.plan_view_curves").fillet(corners, [(80, 50)] * 4), wide, 80, kind="motorway",
+        "Ring",
+        tool("authoring.geometry.plan_view_curves").fillet(corners, [(80, 50)] * 4),
+        wide,
+        80,
+        kind="motorway",
         climb=profiles.Profile(((30.0, 0.0), (150.0, 3.0), (1500.0, 3.0), (1700.0, 0.0)), 20.0),
         gores=(gores.Exit(name="X", at_m=100.0), gores.Merge(name="M", at_m=2120.0)),
     )  # fmt: skip
@@ -183,7 +191,7 @@ def motorway() -> Any:
 def test_a_loop_with_ramps_is_a_whole_network() -> None:
     """carla.Map leads from the motorway down the exit, along the street and back on to the motorway."""
     carla = pytest.importorskip("carla")
-    text = tool("builder").Builder(motorway()).build()
+    text = tool("maps.plans.authoring.builder").Builder(motorway()).build()
     town = carla.Map("loop", text)
     names = {r.get("id"): r.get("name") for r in ElementTree.fromstring(text).findall("road")}
     after: dict[str, set[str]] = {}
@@ -201,7 +209,7 @@ def test_a_loop_with_ramps_is_a_whole_network() -> None:
 def test_shoulders_fill_the_wedge_between_road_and_ramp() -> None:
     """No gap and no overlap of more than some centimetres where a ramp parts from the road."""
     town = motorway()
-    gores, layout = tool("elements.ramps"), tool("layout")
+    gores, layout = tool("maps.plans.authoring.ramps"), tool("maps.plans.authoring.layout")
     ring = next(line for line in layout.lay_out(town) if line.road.name == "Ring")
     ramps = {line.road.name: line for line in layout.lay_out(town)}
     for gore, ramp in zip(ring.road.gores, ("off", "on"), strict=True):
@@ -219,9 +227,9 @@ def test_shoulders_fill_the_wedge_between_road_and_ramp() -> None:
 def test_an_exit_turned_round_is_a_merge() -> None:
     """Run backwards and mirrored, the ramp of an exit lies on that of a merge."""
     gores, curves, cross = (
-        tool("elements.ramps"),
-        tool("geometry.plan_view_curves"),
-        tool("elements.cross_sections").CrossSection,
+        tool("maps.plans.authoring.ramps"),
+        tool("authoring.geometry.plan_view_curves"),
+        tool("authoring.elements.cross_sections").CrossSection,
     )
     road = cross(lanes=2, back=0, shoulder_m=2.0, gutter_m=0.0, sidewalk_m=0.0)
     ramp = cross(lanes=1, back=0, gutter_m=0.0, sidewalk_m=0.0)
@@ -235,13 +243,13 @@ def test_an_exit_turned_round_is_a_merge() -> None:
 
 def test_gores_say_what_they_lack() -> None:
     town = motorway()
-    error = tool("geometry.newton").PlanError
+    error = tool("authoring.geometry.newton").PlanError
     town.roads = [road for road in town.roads if road.name != "off"]
     with pytest.raises(error, match="gore 'X' has 0 ramps"):
-        tool("builder").Builder(town).build()
+        tool("maps.plans.authoring.builder").Builder(town).build()
     town = motorway()
     next(road for road in town.roads if road.name == "off").cross = tool(
         "elements.cross_sections"
     ).CrossSection(lanes=1)
     with pytest.raises(error, match="one-way road of one lane"):
-        tool("builder").Builder(town).build()
+        tool("maps.plans.authoring.builder").Builder(town).build()

@@ -71,7 +71,7 @@ def test_a_town_from_the_cache_loads_nothing_that_builds_towns() -> None:
     """`gymnasium.make` of a town that is kept on disk, whose file has the numbers of its traffic."""
     code = (
         "import gymnasium, carlaloc_env, sys; gymnasium.make('CarlaLoc-Town03-v0', rig='state');"
-        "sys.exit('carlaloc_env.town.construction' in sys.modules)"
+        "sys.exit('carlaloc_env.scenery.construction' in sys.modules)"
     )
     # The first one may have to build the town.
     runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, check=False) for _ in range(2)]

@@ -23,7 +23,7 @@ EXEMPT = {
     "road/rough_surface.py": "what comes out of the Fourier transform is rounded to a grid",
     "sensors/imaging/imager.py": "pictures are not the same on other processors",
     "sensors/camera_config.py": "pictures are not the same on other processors",
-    "town/ground/height_fields.py": "what comes out of the equations is rounded to a grid",
+    "scenery/ground/height_fields.py": "what comes out of the equations is rounded to a grid",
 }
 """Where such a function decides no bytes, and why."""
 TRIGONOMETRY = "sin cos tan asin acos atan atan2 arcsin arccos arctan arctan2 sinh cosh tanh arcsinh sinc"

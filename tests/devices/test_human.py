@@ -12,8 +12,8 @@ import pytest
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.town.routing.route import Route
 from recorder.devices.base import Command
 from recorder.devices.human import HumanDevice, wheel_steer
 from recorder.devices.inputs import Inputs

@@ -13,11 +13,8 @@ import pytest
 import carlaloc_env
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.geodesy import GeoReference
-from carlaloc_env.scene.materials import TO_LEGACY, Tag
-from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.registry import SENSOR_KINDS
-from carlaloc_env.town.checks.report import check_map
-from carlaloc_env.town.config import (
+from carlaloc_env.map.checks.report import check_map
+from carlaloc_env.map.config import (
     FEATURE_KINDS,
     TOWN_KEYS,
     ZONE_KINDS,
@@ -28,6 +25,9 @@ from carlaloc_env.town.config import (
     TrafficCounts,
     Zone,
 )
+from carlaloc_env.scene.materials import TO_LEGACY, Tag
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.weather.parameters import WeatherParameters
 from recorder.drive.record import RecordConfig
 from recorder.episode.messages import ACTORS, EGO, EVENT

@@ -16,20 +16,20 @@ from carlaloc_env.openstreetmap.extract import read_extract
 from carlaloc_env.openstreetmap.features import colour, geojson, read_features
 from carlaloc_env.openstreetmap.import_town import import_town, write_town
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.town.build import load_town
-from carlaloc_env.town.buildings.footprint_roofs import (
+from carlaloc_env.scenery.buildings.footprint_roofs import (
     BOARD_M,
     EAVES_M,
     add_footprint_roof,
     downhill,
     roof_rise,
 )
-from carlaloc_env.town.buildings.footprints import Houses
-from carlaloc_env.town.buildings.styles import STYLES
-from carlaloc_env.town.buildings.walls import Appearance, Shell
-from carlaloc_env.town.mapped import MappedFeature, read_mapped
-from carlaloc_env.town.meshing.batches import InstanceIds
-from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.scenery.buildings.footprints import Houses
+from carlaloc_env.scenery.buildings.styles import STYLES
+from carlaloc_env.scenery.buildings.walls import Appearance, Shell
+from carlaloc_env.scenery.mapped import MappedFeature, read_mapped
+from carlaloc_env.scenery.meshing.batches import InstanceIds
+from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.build import load_town
 
 FLAT = type("Flat", (), {"height": staticmethod(lambda xy: np.zeros(len(xy))), "sloping": False})()
 DOWNTOWN = type("Zones", (), {"kind_at": staticmethod(lambda xy: "downtown")})()

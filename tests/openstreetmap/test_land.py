@@ -15,13 +15,13 @@ from shared_fixtures.worlds.imported_towns import made
 from shared_fixtures.worlds.street_sketches import OXFORD, VIENNA, Sketch, bridge, village
 
 from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.map.config import TownConfig
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.openstreetmap.extract import read_extract
 from carlaloc_env.openstreetmap.import_town import import_town
-from carlaloc_env.town.buildings.footprints import Houses
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.ground.ground_plan import Groundwork, lay_groundwork
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.mapped import land_points, of_kind, read_mapped
+from carlaloc_env.scenery.buildings.footprints import Houses
+from carlaloc_env.scenery.ground.ground_plan import Groundwork, lay_groundwork
+from carlaloc_env.scenery.mapped import land_points, of_kind, read_mapped
 from recorder.cli.main import main
 
 BASE_M = 210.0

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from carlaloc_env.map.checks.report import check_map
 from carlaloc_env.openstreetmap.import_town import import_town, write_town
-from carlaloc_env.town.checks.report import check_map
 
 FOLDER = Path(os.environ.get("CARLALOC_OSM", "/nonexistent"))
 EXTRACTS = sorted(FOLDER.glob("*.osm.gz"))

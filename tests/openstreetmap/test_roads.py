@@ -10,11 +10,12 @@ import tomllib
 from shared_fixtures.worlds.imported_towns import made
 from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, bridge, village
 
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.opendrive.reader import read_opendrive
+from carlaloc_env.map.routing.route import plan_route
 from carlaloc_env.openstreetmap.import_town import import_town
 from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.routing.route import plan_route
+from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 from carlaloc_env.traffic.signals import SignalPlan, SignalState
 
 
@@ -134,7 +135,7 @@ def test_the_default_route_follows_the_towns_own_streets(tmp_path: Path) -> None
     """About a kilometre round, so that a drive of any duration goes on, and planned as any route is."""
     town, network = made(village(), tmp_path)
     asked = tomllib.loads(town.toml)["route"]
-    route = plan_route(network, [(x, y) for x, y in asked["points"]], loop=asked["loop"], for_car=True)
+    route = plan_route(network, [(x, y) for x, y in asked["points"]], loop=asked["loop"], fit_turns=fit_turns)
     assert route.closed
     assert 500.0 < route.length_m < 1500.0
     names = {road.id: road.name for road in read_opendrive(tmp_path / "town.xodr").roads}

@@ -5,7 +5,7 @@ import pytest
 from shared_fixtures.readings.orb_features import CHOICES, Features, Found, found
 from shared_fixtures.worlds.render_scenes import need_opengl
 
-from carlaloc_env.town.sources import known_towns
+from carlaloc_env.map.sources import known_towns
 from carlaloc_env.weather.parameters import PRESETS
 
 need_opengl()

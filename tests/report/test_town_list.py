@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from carlaloc_env.town.checks.report import check_map
-from carlaloc_env.town.sources import find_town
+from carlaloc_env.map.checks.report import check_map
+from carlaloc_env.map.sources import find_town
 from recorder.report.town_preview import list_towns
 
 

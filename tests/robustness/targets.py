@@ -19,11 +19,11 @@ from shared_fixtures.readings.pose_bags import PATH, POSES, TF, Messages
 from shared_fixtures.readings.pose_tables import DRESSINGS, S, drive
 
 from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.map.checks.report import report
+from carlaloc_env.map.config import TownConfig
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.town.checks.report import report
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.weather.schedule import weather_of
 from recorder.cli.main import main
 from recorder.dataset.clouds import cloud_of_fields

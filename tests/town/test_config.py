@@ -7,9 +7,9 @@ import pytest
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.map.config import FEATURE_SIZES, Feature, SignalTiming, TownConfig
+from carlaloc_env.map.sources import known_towns
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.config import FEATURE_SIZES, Feature, SignalTiming, TownConfig
-from carlaloc_env.town.sources import known_towns
 from carlaloc_env.traffic.population import TrafficConfig
 
 ZONE = {"kind": "park", "polygon": [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]}

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 import shapely
 
-from carlaloc_env.town.config import ZONE_KINDS, TownConfig
-from carlaloc_env.town.construction import choose_zones, road_kind
-from carlaloc_env.town.ground.terrain import zone_areas
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.records import LaneRecord, LaneSection, SpeedRecord
+from carlaloc_env.map.config import ZONE_KINDS, TownConfig
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.opendrive.records import LaneRecord, LaneSection, SpeedRecord
+from carlaloc_env.map.zones import choose_zones, road_kind
+from carlaloc_env.scenery.ground.terrain import zone_areas
 
 ROAD = """<road name="r" length="400" id="{id}" junction="-1"><link/>
 <type s="0" type="{type}"><speed max="{limit}" unit="km/h"/></type>

@@ -7,13 +7,13 @@ import pytest
 import shapely
 from shared_fixtures.worlds.towns import town_network
 
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.ground.lane_strips import Strip, road_strips
-from carlaloc_env.town.ground.paved_areas import lane_area, town_areas
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.lanes.lanes import Lane
-from carlaloc_env.town.meshing.polygons import union
-from carlaloc_env.town.routing.route import plan_route
+from carlaloc_env.core.areas import union
+from carlaloc_env.map.config import TownConfig
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.lanes.lanes import Lane
+from carlaloc_env.map.routing.route import plan_route
+from carlaloc_env.scenery.ground.lane_strips import Strip, road_strips
+from carlaloc_env.scenery.ground.paved_areas import lane_area, town_areas
 
 MAPS = pathlib.Path(__file__).parents[2] / "maps"
 

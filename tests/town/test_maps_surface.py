@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shared_fixtures.worlds.towns import town_network
 
-from carlaloc_env.town.ground.lane_strips import Strip, road_strips
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.scenery.ground.lane_strips import Strip, road_strips
 
 MAPS = sorted((pathlib.Path(__file__).parents[2] / "maps").glob("*/town.xodr"))
 STEEPEST = 0.08

@@ -8,18 +8,20 @@ import numpy as np
 import pytest
 import shapely
 
+from carlaloc_env.core.areas import strip_polygon
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.map.config import TrafficCounts
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.driving_line import inside_line
+from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.routing.smoothing import RouteLine
+from carlaloc_env.map.traffic_counts import traffic_counts
 from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.town.config import TrafficCounts
-from carlaloc_env.town.construction import traffic_counts
-from carlaloc_env.town.ground.ground_plan import BELOW_M, lower_walks
-from carlaloc_env.town.ground.lane_strips import KERB_M, road_strips
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.meshing.polygons import strip_polygon
-from carlaloc_env.town.routing.route import Route, plan_route
-from carlaloc_env.town.routing.smoothing import RouteLine
-from carlaloc_env.town.routing.swept_path import inside_line, raised_near
+from carlaloc_env.scenery.ground.ground_plan import BELOW_M, lower_walks
+from carlaloc_env.scenery.ground.lane_strips import KERB_M, road_strips
+from carlaloc_env.scenery.kerbs.swept_path import raised_near
+from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 
 HEAD = '<OpenDRIVE><header revMajor="1" revMinor="4"/>'
 LANE = '<lane id="{}" type="{}"><width sOffset="0" a="{}" b="0" c="0" d="0"/></lane>'
@@ -133,7 +135,7 @@ def test_a_car_fits_round_a_tight_corner() -> None:
     """Radius 3.4 m becomes one that a car can drive, and it sweeps less beside a lane of 4.5 m."""
     network = corner(3.4, 4.5)
     ends = [(-35.0, -2.25), (3.4, -40.0)]
-    middle, fitted = (plan_route(network, ends, for_car=car) for car in (False, True))
+    middle, fitted = (plan_route(network, ends, fit_turns=fit) for fit in (None, fit_turns))
     assert sharpest_radpm(middle) > 1 / 4.2
     assert sharpest_radpm(fitted) < 1 / 4.7
     assert fitted.fitted is not None
@@ -149,7 +151,7 @@ def test_tyres_keep_off_kerbs_in_tight_corners(radius_m: float, width_m: float) 
     """Between raised sidewalks, on which tyres climb where the rear axle follows the lane's middle."""
     network = corner(radius_m, width_m, walks=True)
     ends = [(-35.0, -0.5 * width_m), (radius_m, -40.0)]
-    middle, fitted = (plan_route(network, ends, for_car=car) for car in (False, True))
+    middle, fitted = (plan_route(network, ends, fit_turns=fit) for fit in (None, fit_turns))
     assert fitted.fitted is not None
     assert sharpest_radpm(fitted) < 1 / 4.6
     assert on_kerbs_m2(network, middle) > 0.05
@@ -172,7 +174,7 @@ def test_wide_turns_stay_in_the_middle() -> None:
     """A radius of 6 m is left as it is."""
     network = corner(6.0, 3.5)
     ends = [(-35.0, -1.75), (6.0, -40.0)]
-    middle, fitted = (plan_route(network, ends, for_car=car) for car in (False, True))
+    middle, fitted = (plan_route(network, ends, fit_turns=fit) for fit in (None, fit_turns))
     assert fitted.fitted is None
     np.testing.assert_array_equal(fitted.position_m, middle.position_m)
 

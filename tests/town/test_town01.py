@@ -8,8 +8,8 @@ import pytest
 import shapely
 from shared_fixtures.worlds.towns import town_network
 
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.config import TownConfig
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 
 FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town01"
 

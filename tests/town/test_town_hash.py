@@ -7,8 +7,9 @@ import pytest
 from shared_fixtures.worlds.small_towns import Built
 
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.map.roads import TownRoads
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.town import TownRoads, town_hash
+from carlaloc_env.town.town import town_hash
 
 HASHES = {
     "Town01": "fb34fe7460423ee8177fcccc3b090d63",

@@ -9,13 +9,12 @@ from shared_fixtures.worlds.small_towns import KERBSIDE, MOTORWAY, climb, straig
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.array_cache import load, save
+from carlaloc_env.map.config import TownConfig
+from carlaloc_env.map.opendrive.reader import read_opendrive
+from carlaloc_env.map.opendrive.records import OpenDrive
+from carlaloc_env.map.roads import TownRoads, build_roads
+from carlaloc_env.map.sources import find_town
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.construction import build_roads
-from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.opendrive.records import OpenDrive
-from carlaloc_env.town.sources import find_town
-from carlaloc_env.town.town import TownRoads
 
 SEED = 20
 HEAD = '<?xml version="1.0"?><OpenDRIVE><header revMajor="1" revMinor="7" name="small"/>'

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from benchmarks.traffic_audit import audit_traffic
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.meshing.batches import InstanceIds
-from carlaloc_env.town.routing.default_route import choose_route
-from carlaloc_env.town.street.signals_and_signs import add_signals
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.default_route import choose_route
+from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
+from carlaloc_env.scenery.meshing.batches import InstanceIds
+from carlaloc_env.scenery.street.signals_and_signs import add_signals
 from carlaloc_env.traffic.population import TrafficConfig
 from recorder.drive.record import RecordConfig, record
 
@@ -66,7 +67,7 @@ def test_posts_stand_beside_the_lanes(network: LaneNetwork) -> None:
 
 def test_traffic_flows_and_a_route_is_found(network: LaneNetwork) -> None:
     """Forty vehicles obey the lights, none stands for ever, and there is a drive of about a kilometre."""
-    route = choose_route(network)
+    route = choose_route(network, fit_turns=fit_turns)
     assert route is not None
     assert 900.0 < route.length_m < 1100.0
     report = audit_traffic(network, TrafficConfig(vehicles=40, walkers=0, seed=1), 90.0)

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from shared_fixtures.worlds.towns import town_network
 
+from carlaloc_env.map.config import SignalTiming, TownConfig
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.sources import find_town
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.config import SignalTiming, TownConfig
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.route import Route, plan_route
-from carlaloc_env.town.sources import find_town
 from carlaloc_env.traffic.population import traffic_of_town
 from carlaloc_env.traffic.signals import (
     DEPARTURE_S,

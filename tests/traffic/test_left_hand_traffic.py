@@ -9,10 +9,11 @@ from shared_fixtures.worlds.maps import VILLAGE
 from shared_fixtures.worlds.mirrored import mirrored
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.default_route import choose_route
-from carlaloc_env.town.routing.route import plan_route
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.default_route import choose_route
+from carlaloc_env.map.routing.route import plan_route
+from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.standing_traffic import TrafficTables
@@ -143,7 +144,7 @@ def test_cycles_keep_near_the_kerb(
 def test_the_route_is_the_one_in_the_mirror(pair: tuple[LaneNetwork, LaneNetwork]) -> None:
     points = [(1.6, -40.0), (1.6, 20.0), (158.4, 0.0)]
     own, its = (
-        plan_route(network, [(x, sign * y) for x, y in points], for_car=True)
+        plan_route(network, [(x, sign * y) for x, y in points], fit_turns=fit_turns)
         for network, sign in zip(pair, (1.0, -1.0), strict=True)
     )
     assert its.length_m == pytest.approx(own.length_m, abs=1e-6)
@@ -198,7 +199,7 @@ def test_cars_go_round_a_ring_on_its_left(tmp_path: Path, monkeypatch: pytest.Mo
     assert not result.violations
     assert result.driven_m > 100.0
     network, episode = build_network(path), Episode.load(out)
-    route = choose_route(network)
+    route = choose_route(network, fit_turns=fit_turns)
     assert route is not None
     assert route.closed
     (lane,) = {network.lanes[n].lane_id for n in route.lane.tolist()}

@@ -7,10 +7,11 @@ import pytest
 
 from benchmarks.traffic_audit import NOBODY, overlapping_boxes
 from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.default_route import choose_route
+from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 from carlaloc_env.timeline.timeline import Timeline, came_in_elsewhere
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.world import TrafficWorld
 
@@ -83,6 +84,6 @@ def test_nobody_turns_round_on_the_way_to_the_lane_beside(road: LaneNetwork) -> 
 
 def test_a_route_takes_all_of_a_road_that_ends(road: LaneNetwork) -> None:
     """From five metres behind its beginning to five metres before its end."""
-    route = choose_route(road)
+    route = choose_route(road, fit_turns=fit_turns)
     assert route is not None
     assert route.length_m == pytest.approx(590.0, abs=1.0)

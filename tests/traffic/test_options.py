@@ -11,9 +11,9 @@ from shared_fixtures.worlds.towns import town_network
 from benchmarks.traffic_audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.map.config import TownConfig
+from carlaloc_env.map.sources import find_town
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.sources import find_town
 from carlaloc_env.traffic.population import TrafficConfig, traffic_of_town
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.lane_tables import TAKEN

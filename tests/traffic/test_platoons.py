@@ -5,7 +5,7 @@ import pytest
 from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.standing_traffic import SPACING_M, TrafficTables
 
 VEHICLES = 296

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.map.config import SignalTiming
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.config import SignalTiming
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalPlan, SignalState
 from carlaloc_env.traffic.standing_traffic import TrafficTables

@@ -9,14 +9,15 @@ from shared_fixtures.worlds.equality import assert_same
 from shared_fixtures.worlds.small_towns import Built, straight_road
 
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.map.config import SignalTiming, TownConfig
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.opendrive.reader import read_opendrive
+from carlaloc_env.map.roads import TownRoads, build_roads
+from carlaloc_env.map.sources import find_town
 from carlaloc_env.scene.materials import SignalLenses
-from carlaloc_env.town.config import SignalTiming, TownConfig
-from carlaloc_env.town.construction import build_roads
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.sources import find_town
-from carlaloc_env.town.town import Town, TownOutline, TownRoads
+from carlaloc_env.scenery.outline import TownOutline
+from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.standing_traffic import TrafficTables, kept_tables
 

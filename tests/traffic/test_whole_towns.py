@@ -13,14 +13,15 @@ import pytest
 from benchmarks.traffic_audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.map.config import SignalTiming, TownConfig
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.sources import find_town
 from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.config import SignalTiming, TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.route import Route, plan_route
-from carlaloc_env.town.sources import find_town
 from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.world import TrafficWorld
@@ -45,7 +46,9 @@ def town_timing(town: str) -> SignalTiming:
 def town_route(town: str, network: LaneNetwork) -> Route:
     """The route of a town's town.toml, whose streets are the busy ones."""
     wanted = TownConfig.from_toml(find_town(town).with_name("town.toml")).route
-    route = plan_route(network, wanted.points, loop=wanted.loop, length_m=wanted.length_m, for_car=True)
+    route = plan_route(
+        network, wanted.points, loop=wanted.loop, length_m=wanted.length_m, fit_turns=fit_turns
+    )
     return route.starting_at(wanted.start) if wanted.start is not None else route
 
 

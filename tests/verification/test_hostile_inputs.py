@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from carlaloc_env.core.errors import ConfigError, EpisodeError
-from carlaloc_env.town.sources import find_town
+from carlaloc_env.map.sources import find_town
 from recorder.cli.main import main
 from recorder.episode.edit import _write
 from recorder.episode.episode import Episode

@@ -70,8 +70,8 @@ def test_an_installed_wheel_finds_its_town(wheel: Path, tmp_path: Path) -> None:
     zipfile.ZipFile(wheel).extractall(tmp_path / "site")
     code = (
         "import json, carlaloc_env, recorder\n"
-        "from carlaloc_env.town.sources import known_towns\n"
-        "from carlaloc_env.town.checks.report import check_map\n"
+        "from carlaloc_env.map.sources import known_towns\n"
+        "from carlaloc_env.map.checks.report import check_map\n"
         "path = known_towns()['Town03']\n"
         "import importlib.resources as r\n"
         "shader = r.files('carlaloc_env').joinpath('render/shaders/shade.frag').read_text()\n"

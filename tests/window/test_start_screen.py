@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from carlaloc_env.core.errors import DeviceError
-from carlaloc_env.town.sources import known_towns
+from carlaloc_env.map.sources import known_towns
 from recorder.cli.commands.record import _chooses
 from recorder.cli.main import main, make_parser
 from recorder.devices.inputs import Inputs

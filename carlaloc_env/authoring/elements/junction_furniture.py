@@ -14,7 +14,7 @@ from carlaloc_env.authoring.elements.map_parts import (
     RoadPart,
     SignalPart,
 )
-from carlaloc_env.town.lanes.lanes import SIGN_CODES
+from carlaloc_env.map.lanes.lanes import SIGN_CODES
 
 LIGHT, STOP, YIELD, SPEED = "1000001", SIGN_CODES["stop"], SIGN_CODES["yield"], SIGN_CODES["speed"]
 """OpenDRIVE's type of traffic lights, and of the signs that are written."""

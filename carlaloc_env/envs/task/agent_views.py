@@ -20,12 +20,12 @@ from carlaloc_env.core.jit import compiled
 from carlaloc_env.envs.base_env import Observer
 from carlaloc_env.envs.task.state_vector import StateVector, state_space
 from carlaloc_env.envs.task.task_world import STOREY_M, Ego, TaskWorld, ego_of
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig, check_memory
 from carlaloc_env.samples import Sample
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalState
 
 SIZE_PX = 96

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.errors import ConfigError, MapError, unknown_name
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.routing.default_route import lanes_that_go_on
-from carlaloc_env.town.routing.route import Route, plan_route
+from carlaloc_env.map.routing.default_route import lanes_that_go_on
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.schedule import Weather, weather_of
 
@@ -131,9 +130,9 @@ def _whole_route(start: EpisodeStart, town: Town, rng: np.random.Generator) -> R
         end = start.goal if line is None or start.goal else (float(line[-1, 0]), float(line[-1, 1]))
         assert begin is not None
         assert end is not None
-        return plan_route(town.network, [begin, end], for_car=True)
+        return town.plan_route([begin, end])
     ends = [[start.spawn] if start.spawn else [], [start.goal] if start.goal else []]
-    return plan_route(town.network, [*ends[0], *points, *ends[1]], for_car=True)
+    return town.plan_route([*ends[0], *points, *ends[1]])
 
 
 def _town_route(town: Town) -> Route:
@@ -152,7 +151,7 @@ def _random_route(town: Town, rng: np.random.Generator, spawn: Point | None) -> 
     shorter: Route | None = None
     for least_m, tries in ((RANDOM_ROUTE_M[0], _TRIES), (_SHORTEST_ROUTE_M, _SHORT_TRIES)):
         for _ in range(tries if lanes else 0):
-            route = _drawn_route(network, lanes, rng, spawn, least_m)
+            route = _drawn_route(town, lanes, rng, spawn, least_m)
             if route is not None and route.length_m >= RANDOM_ROUTE_M[0]:
                 return route
             if route is not None and (shorter is None or route.length_m > shorter.length_m):
@@ -163,18 +162,18 @@ def _random_route(town: Town, rng: np.random.Generator, spawn: Point | None) -> 
 
 
 def _drawn_route(
-    network: LaneNetwork, lanes: list[int], rng: np.random.Generator, spawn: Point | None, least_m: float
+    town: Town, lanes: list[int], rng: np.random.Generator, spawn: Point | None, least_m: float
 ) -> Route | None:
     """A route between two places that are drawn, None where it is shorter than asked, or too long."""
     pair = rng.choice(lanes, 2)
-    stations = rng.uniform(0.05, 0.95, 2) * network.tables.length_m[pair]
-    places = network.pose(pair, stations).position_m[:, :2].tolist()
+    stations = rng.uniform(0.05, 0.95, 2) * town.network.tables.length_m[pair]
+    places = town.network.pose(pair, stations).position_m[:, :2].tolist()
     begin, end = (spawn or tuple(places[0])), tuple(places[1])
     away = float(np.hypot(begin[0] - end[0], begin[1] - end[1]))
     if not 0.3 * least_m < away < RANDOM_ROUTE_M[1]:
         return None
     try:
-        route = plan_route(network, [begin, end], for_car=True)
+        route = town.plan_route([begin, end])
     except MapError:
         return None
     return route if least_m <= route.length_m <= RANDOM_ROUTE_M[1] else None

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
-from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signals import StopLines
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.transforms import point_tree
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.record_arrays import Flags, packed
 
 Links = Sequence[Sequence[int]]

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Zones, find_rules, find_zones
 from carlaloc_env.traffic.tables.lane_reachability import (
     GoalPaths,

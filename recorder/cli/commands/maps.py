@@ -180,9 +180,9 @@ def _export(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _check(arguments: argparse.Namespace) -> dict[str, Any]:
-    from carlaloc_env.town.checks.report import grouped, report, write_waypoints_csv
-    from carlaloc_env.town.lanes.build_network import build_network
-    from carlaloc_env.town.opendrive.reader import read_opendrive
+    from carlaloc_env.map.checks.report import grouped, report, write_waypoints_csv
+    from carlaloc_env.map.lanes.build_network import build_network
+    from carlaloc_env.map.opendrive.reader import read_opendrive
 
     if (arguments.waypoints is None) != (arguments.csv is None):
         raise ConfigError("--waypoints STEP_M and --csv OUT go together; give both")

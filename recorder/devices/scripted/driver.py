@@ -6,8 +6,8 @@ from carlaloc_env.core import clock
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.scripted.route_profile import DriverRoute
 from recorder.devices.scripted.speed_control import DriverSpeed, Leader

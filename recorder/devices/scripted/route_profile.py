@@ -8,8 +8,8 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.town.routing.route import Route
-from carlaloc_env.town.routing.swept_path import EASE_M, wanted_inside
+from carlaloc_env.map.routing.driving_line import EASE_M, wanted_inside
+from carlaloc_env.map.routing.route import Route
 
 SPACING_M = 0.5
 _CURVE_WINDOW_M = 4.0

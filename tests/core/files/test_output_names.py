@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, OutputError, check_name, is_name
 from carlaloc_env.core.files.output_paths import path_below
+from carlaloc_env.map.sources import identify_town
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.town.sources import identify_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.episode.summary import traffic_level
 from recorder.replaying.conditions import Condition

@@ -7,8 +7,8 @@ import pytest
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.map.config import TownConfig
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.town.config import TownConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.dataset.trajectories import read_bag
 from recorder.devices.profile import known_profiles

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.render_scenes import need_opengl
 
+from carlaloc_env.map.sources import known_towns
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.sources import known_towns
 
 pytest.importorskip("open3d")
 need_opengl()

@@ -8,9 +8,9 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
-from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.scripted.driver import ScriptedDriver
 

@@ -10,7 +10,7 @@ import pytest
 from shared_fixtures.drives.driver_runs import route_of
 
 from carlaloc_env.core.errors import DeviceError
-from carlaloc_env.town.routing.route import Route
+from carlaloc_env.map.routing.route import Route
 from recorder.devices.inputs import Inputs
 from recorder.devices.virtual_stick import VirtualStick
 

@@ -9,11 +9,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from shared_fixtures.worlds.street_sketches import Sketch
 
+from carlaloc_env.map.checks.report import report
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.openstreetmap.import_town import ImportedTown, import_town, write_town
-from carlaloc_env.town.checks.report import report
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.reader import read_opendrive
 
 
 def made(sketch: Sketch, folder: Path, heights: Path | None = None) -> tuple[ImportedTown, LaneNetwork]:

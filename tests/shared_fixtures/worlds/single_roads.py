@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.opendrive.records import OpenDrive
-from carlaloc_env.town.opendrive.reference_line import LinePose
-from carlaloc_env.town.opendrive.road_surface import RoadSurface
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.opendrive.reader import read_opendrive
+from carlaloc_env.map.opendrive.records import OpenDrive
+from carlaloc_env.map.opendrive.reference_line import LinePose
+from carlaloc_env.map.opendrive.road_surface import RoadSurface
 
 X0, Y0, H0 = 3.0, -7.0, 0.6
 

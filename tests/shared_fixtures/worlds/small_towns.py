@@ -9,14 +9,14 @@ import pytest
 import shapely
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.map.config import TownConfig
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.construction import build_scenery
-from carlaloc_env.town.ground.lane_strips import road_strips
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.town import TownScenery
+from carlaloc_env.scenery.construction import build_scenery
+from carlaloc_env.scenery.ground.lane_strips import road_strips
+from carlaloc_env.scenery.outline import TownScenery
 
 STREET = (("driving", 3.5), ("driving", 3.5), ("sidewalk", 2.5))
 

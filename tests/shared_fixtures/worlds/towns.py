@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.sources import find_town
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.sources import find_town
 from carlaloc_env.town.town import Town
 
 

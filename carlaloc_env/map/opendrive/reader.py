@@ -1,0 +1,400 @@
+"""Reads an OpenDRIVE file into `OpenDrive`; what cannot be used is left out with a note on the place.
+
+Notes on records that stand out of order or begin too late; such files are read all the same.
+
+Moves maps whose coordinates are large, such as absolute UTM metres, near the world's origin.
+
+Notes on elements and attributes that are not read, by the table in `elements.toml`.
+"""
+
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, TypeVar
+
+import numpy as np
+
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.map.opendrive.geo_reference import read_geo_reference
+from carlaloc_env.map.opendrive.read_roads import (
+    read_cubics,
+    read_objects,
+    read_passages,
+    read_plan_view,
+    read_sections,
+    read_shapes,
+    read_signal_references,
+    read_signals,
+    read_speed,
+)
+from carlaloc_env.map.opendrive.records import (
+    Connection,
+    Controller,
+    Geometry,
+    Junction,
+    JunctionController,
+    Note,
+    OpenDrive,
+    Road,
+    RoadLink,
+    SpeedRecord,
+)
+from carlaloc_env.map.opendrive.xml_document import Document, Element, ElementError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+FAR_M = 20_000.0
+"""Maps nearer to their origin stay where they are: single precision holds 2 mm there [m]."""
+REACH_M = 100_000.0
+"""Roads farther than this from the middle of the others are left out [m]."""
+STEP_M = 1000.0
+"""Shifts are multiples of this [m], so that coordinates of both can be compared by eye."""
+
+
+def near_origin(document: Document, roads: Sequence[Road]) -> tuple[list[Road], tuple[float, float]]:
+    """Roads near the world's origin, and where that lies in the file's coordinates x, y [m].
+
+    Roads that lie farther than `REACH_M` from the rest are left out with a note.
+    """
+    if not roads:
+        return [], (0.0, 0.0)
+    middle = np.median([(road.geometry[0].x_m, road.geometry[0].y_m) for road in roads], axis=0)
+    shift = np.round(middle / STEP_M) * STEP_M if np.abs(middle).max() > FAR_M else np.zeros(2)
+    x, y = (float(part) for part in shift)
+    if x or y:
+        message = f"coordinates are far from their origin; the world's origin is x={x:.0f}, y={y:.0f} of them"
+        document.note(document.root, message)
+        roads = [_shifted(road, x, y) for road in roads]
+    near = [road for road in roads if _reach_m(road) <= REACH_M]
+    for road in roads:
+        if _reach_m(road) > REACH_M:
+            message = f"lies {_reach_m(road):.3g} m from the rest, so it is left out; correct its geometry"
+            document.notes.append(
+                Note(severity="error", element="road", id=road.id, line=road.line, message=message)
+            )
+    return near, (x, y)
+
+
+def _shifted(road: Road, x_m: float, y_m: float) -> Road:
+    return replace(road, geometry=tuple(replace(g, x_m=g.x_m - x_m, y_m=g.y_m - y_m) for g in road.geometry))
+
+
+def _reach_m(road: Road) -> float:
+    return max(max(abs(g.x_m), abs(g.y_m)) for g in road.geometry)
+
+
+ROAD_RECORDS = (
+    ("planView/geometry", True),
+    ("elevationProfile/elevation", True),
+    ("lateralProfile/superelevation", False),
+    ("lanes/laneOffset", True),
+    ("lanes/laneSection", True),
+)
+"""Path of the records and whether the first must begin at s = 0."""
+
+
+def note_order(document: Document, road: Element) -> None:
+    """Notes descending s in one road's records, and first records that leave the road's start open."""
+    for path, from_zero in ROAD_RECORDS:
+        _sequence(document, road.findall(path), "s", from_zero)
+    for section in road.findall("lanes/laneSection"):
+        for lane in section.iter("lane"):
+            _sequence(document, lane.findall("width"), "sOffset", True)
+
+
+def _sequence(document: Document, elements: list[Element], name: str, from_zero: bool) -> None:
+    last = None
+    for element in elements:
+        try:
+            s = document.number(element, name, 0.0)
+        except ElementError:
+            continue
+        if last is None and from_zero and abs(s) > 1e-9:
+            document.note(element, f"first record begins at {name}={s:g}; begin at 0")
+        elif last is not None and s < last:
+            document.note(element, f"{name}={s:g} after {last:g}; write records in ascending order")
+        last = s
+
+
+ELEMENTS = Path(__file__).with_name("elements.toml")
+"""All elements and attributes of the standard: which are read, and what is missing without the others."""
+_FREE = frozenset({"userData", "dataQuality"})
+"""Elements whose content the standard leaves open."""
+_NOTHING = ("", "none", "false", "no", "unknown", "undefined", "-1")
+_ZERO = re.compile(r"[-+]?0*\.?0*(?:[eE][-+]?\d+)?")
+"""Values that change nothing."""
+
+
+@cache
+def known_elements() -> dict[str, dict[str, Any]]:
+    """The table: an entry for each element, by its name or by ``parent/name``."""
+    return tomllib.loads(ELEMENTS.read_text(encoding="utf-8"))
+
+
+def note_unread(document: Document) -> None:
+    """Notes what is not read: once in each road or junction, unknown names once in the file."""
+    noted: set[tuple[str, str, int | None]] = set()
+    for number, top in enumerate(document.root.iterchildren("*")):
+        for element, message, known in _unread(top):
+            kind = (element.tag, message, number if known else None)
+            if kind not in noted:
+                noted.add(kind)
+                document.note(element, message)
+
+
+def _unread(element: Element) -> Iterator[tuple[Element, str, bool]]:
+    """What is not read of an element and those in it: where, what is missing, whether the standard has it."""
+    if element.tag in _FREE or "{" in element.tag:
+        return
+    table, parent = known_elements(), element.getparent().tag
+    entry = table.get(f"{parent}/{element.tag}") or table.get(element.tag)
+    if not len(element) and not element.attrib and not (element.text or "").strip():
+        return
+    if entry is not None and "missing" in entry:
+        yield element, f"is not read: {entry['missing']}", True
+    elif entry is None or parent not in entry.get("in", "").split():
+        yield element, f"is no element of <{parent}> in OpenDRIVE 1.4 to 1.8, so it is not read", False
+    else:
+        yield from _unread_attributes(element, entry)
+        for child in element.iterchildren("*"):
+            yield from _unread(child)
+
+
+def _unread_attributes(element: Element, entry: dict[str, Any]) -> Iterator[tuple[Element, str, bool]]:
+    unread = {**known_elements()["any"]["unread"], **entry.get("unread", {})}
+    known = f"{entry.get('read', '')} {entry.get('other', '')}".split()
+    values = entry.get("values", {})
+    for name, value in element.attrib.items():
+        if name in values and value not in ("", *values[name]):
+            yield element, f"{name}='{value[:40]}' is none of the standard's; the usual one is taken", True
+        if name in known or "{" in name:
+            continue
+        if name not in unread:
+            yield element, f"has '{name[:40]}', no attribute of it in OpenDRIVE 1.4 to 1.8, not read", False
+            continue
+        missing, *usual = [unread[name]] if isinstance(unread[name], str) else unread[name]
+        if value not in (*usual, *_NOTHING) and not _ZERO.fullmatch(value):
+            yield element, f"attribute '{name}' is not read: {missing}", True
+
+
+ROAD_LIMIT = 100_000
+"""Maps with more roads are refused."""
+Numbered = TypeVar("Numbered", Road, Junction)
+"""Records that have ids."""
+LENGTH_TOLERANCE_M = 0.01
+"""A stated length that is farther off the reference line's own is not believed [m]."""
+
+
+def read_opendrive(source: Path | bytes) -> OpenDrive:
+    """Reads OpenDRIVE 1.4 to 1.8; unknown elements are skipped, and malformed ones left out with a note.
+
+    Args:
+        source: The file, or its bytes.
+
+    Raises:
+        MapError: The file is not readable as a map, or none of its roads is; the line says what to do.
+    """
+    document = Document(source)
+    root = document.root
+    header = root.find("header")
+    elements = root.findall("road")
+    if not elements:
+        document.fail(root, "has no <road>", "export a map that holds roads")
+    if len(elements) > ROAD_LIMIT:
+        document.fail(root, f"has {len(elements)} roads", f"split the map; {ROAD_LIMIT} are allowed")
+    junctions = root.findall("junction")
+    ids = _Ids({e.get("id") for e in elements}, {e.get("id") for e in junctions})
+    seen: set[str] = set()
+    roads = document.each(elements, lambda e: _new(document, e, seen, _road(document, e, ids)))
+    roads, shift_m = near_origin(document, roads)
+    if not roads:
+        raise MapError(f"{document.name}: no road can be used; {document.notes[-1].message}")
+    for element in elements:
+        note_order(document, element)
+    note_unread(document)
+    seen_junctions: set[str] = set()
+    return OpenDrive(
+        source=document.name,
+        revision=_revision(document, header),
+        name=header.get("name", "") if header is not None else "",
+        vendor=header.get("vendor", "") if header is not None else "",
+        geo=read_geo_reference(document, header, roads, shift_m),
+        shift_m=shift_m,
+        roads=tuple(roads),
+        junctions=tuple(
+            document.each(junctions, lambda e: _new(document, e, seen_junctions, _junction(document, e)))
+        ),
+        controllers=tuple(document.each(root.findall("controller"), lambda e: _controller(document, e))),
+        notes=tuple(document.notes),
+    )
+
+
+class _Ids(NamedTuple):
+    """Ids of all roads and junctions of a file."""
+
+    roads: set[str | None]
+    junctions: set[str | None]
+
+
+def _new(document: Document, element: Element, seen: set[str], record: Numbered) -> Numbered:
+    if record.id in seen:
+        document.fail(element, "repeats an id", "give it another id")
+    seen.add(record.id)
+    return record
+
+
+def _revision(document: Document, header: Element | None) -> tuple[int, int]:
+    if header is None:
+        document.note(document.root, "has no <header>")
+        return (1, 4)
+    try:
+        revision = (document.integer(header, "revMajor", 1), document.integer(header, "revMinor", 4))
+    except ElementError as error:
+        document.note(header, f"{error.problem}; read as OpenDRIVE 1.4")
+        return (1, 4)
+    if revision[0] != 1:
+        document.note(header, f"has revMajor={revision[0]}; read as OpenDRIVE 1.8")
+    return revision
+
+
+def _road(document: Document, element: Element, ids: _Ids) -> Road:
+    geometry = read_plan_view(document, element)
+    length = _length(document, element, geometry)
+    junction = element.get("junction", "-1")
+    types = element.findall("type")
+    if len({e.get("type") for e in types}) > 1:
+        document.note(element, "changes its type along its way; its scenery is that of the first")
+
+    def speed(e: Element) -> SpeedRecord:
+        return SpeedRecord(document.number(e.getparent(), "s", 0.0), read_speed(document, e))
+
+    return Road(
+        id=document.text(element, "id"),
+        name=element.get("name", ""),
+        length_m=length,
+        junction_id=None if junction in ("-1", "") else junction,
+        left_hand_traffic=element.get("rule", "RHT") == "LHT",
+        predecessor=_link(document, element.find("link/predecessor"), ids),
+        successor=_link(document, element.find("link/successor"), ids),
+        type=types[0].get("type", "unknown") if types else "unknown",
+        speeds=tuple(sorted(document.each(element.findall("type/speed"), speed), key=lambda r: r.s_m)),
+        geometry=geometry,
+        elevation=read_cubics(document, element.findall("elevationProfile/elevation")),
+        superelevation=read_cubics(document, element.findall("lateralProfile/superelevation")),
+        shape=read_shapes(document, element),
+        lane_offset=read_cubics(document, element.findall("lanes/laneOffset")),
+        sections=read_sections(document, element, length),
+        objects=read_objects(document, element, length),
+        signals=read_signals(document, element, length),
+        signal_references=read_signal_references(document, element),
+        passages=read_passages(document, element),
+        line=document.line(element),
+    )
+
+
+def _length(document: Document, element: Element, geometry: tuple[Geometry, ...]) -> float:
+    """Length of a road [m]: the stated one, unless its reference line is of another length."""
+    drawn = geometry[-1].s_m + geometry[-1].length_m
+    try:
+        stated = document.length(element, "length")
+    except ElementError as error:
+        document.note(element, f"{error.problem}; its geometry has {drawn:g} m, which is taken", "error")
+        return drawn
+    if drawn <= 0.0 or abs(stated - drawn) <= LENGTH_TOLERANCE_M:
+        return stated
+    message = f"length is {stated:g} m, its geometry adds up to {drawn:.9g} m, which is taken"
+    document.note(element, message, "error")
+    return drawn
+
+
+def _contact(document: Document, element: Element) -> Literal["start", "end"] | None:
+    value = element.get("contactPoint")
+    if value == "start":
+        return "start"
+    if value == "end":
+        return "end"
+    if value:
+        document.note(element, f"has contactPoint='{value[:40]}'; the nearer end is taken", "error")
+    return None
+
+
+def _link(document: Document, element: Element | None, ids: _Ids) -> RoadLink | None:
+    if element is None:
+        return None
+    label = element.get("elementId")
+    if not label:
+        document.note(element, "has no elementId, so the link is left out")
+        return None
+    kind = element.get("elementType")
+    if kind not in ("road", "junction"):
+        kind = "junction" if label in ids.junctions and label not in ids.roads else "road"
+    return RoadLink(
+        element_type="junction" if kind == "junction" else "road",
+        element_id=label,
+        contact=_contact(document, element),
+    )
+
+
+def _junction(document: Document, element: Element) -> Junction:
+    # Connections of virtual junctions may name no roads.
+    virtual = element.get("type") == "virtual"
+    connections = [
+        e for e in element.findall("connection") if not virtual or (_connecting(e) and e.get("incomingRoad"))
+    ]
+    return Junction(
+        id=document.text(element, "id"),
+        name=element.get("name", ""),
+        type=element.get("type", "default"),
+        connections=tuple(document.each(connections, lambda e: _connection(document, e))),
+        controllers=tuple(
+            document.each(
+                element.findall("controller"),
+                lambda e: JunctionController(
+                    id=document.text(e, "id"), sequence=document.integer(e, "sequence", 0)
+                ),
+            )
+        ),
+        line=document.line(element),
+    )
+
+
+def _connecting(element: Element) -> str | None:
+    """The connecting road; direct junctions name the linked road."""
+    label: str | None = element.get("connectingRoad") or element.get("linkedRoad")
+    return label
+
+
+def _connection(document: Document, element: Element) -> Connection:
+    connecting = _connecting(element)
+    if connecting is None:
+        document.fail(element, "has no attribute 'connectingRoad'", "name the road")
+    links = document.each(
+        element.findall("laneLink"),
+        lambda k: (document.integer(k, "from", limit=10_000), document.integer(k, "to", limit=10_000)),
+    )
+    return Connection(
+        id=element.get("id", ""),
+        incoming_road=document.text(element, "incomingRoad"),
+        connecting_road=connecting,
+        contact=_contact(document, element),
+        lane_links=tuple(links),
+        line=document.line(element),
+    )
+
+
+def _controller(document: Document, element: Element) -> Controller:
+    # RoadRunner lists each signal several times: keep the first of each.
+    ids = dict.fromkeys(document.each(element.findall("control"), lambda e: document.text(e, "signalId")))
+    return Controller(
+        id=document.text(element, "id"),
+        name=element.get("name", ""),
+        sequence=document.integer(element, "sequence", 0),
+        signal_ids=tuple(ids),
+        line=document.line(element),
+    )

@@ -1,0 +1,1 @@
+"""Meshes of everything that stands in a town, built from its map."""

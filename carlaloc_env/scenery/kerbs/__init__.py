@@ -1,0 +1,1 @@
+"""Routes that keep a car off kerbs."""

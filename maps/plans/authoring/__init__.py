@@ -1,0 +1,1 @@
+"""Plans of towns: nodes, roads, ramps and roundabouts, turned into OpenDRIVE."""
