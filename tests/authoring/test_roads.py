@@ -249,7 +249,7 @@ def test_gores_say_what_they_lack() -> None:
         tool("maps.plans.authoring.builder").Builder(town).build()
     town = motorway()
     next(road for road in town.roads if road.name == "off").cross = tool(
-        "elements.cross_sections"
+        "authoring.elements.cross_sections"
     ).CrossSection(lanes=1)
     with pytest.raises(error, match="one-way road of one lane"):
         tool("maps.plans.authoring.builder").Builder(town).build()

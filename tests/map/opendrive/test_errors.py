@@ -8,9 +8,9 @@ import pytest
 from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.map import sources
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.opendrive.reader import read_opendrive
-from carlaloc_env.town import sources
 
 TEXT = CROSSING.read_text(encoding="utf-8")
 

@@ -7,9 +7,9 @@ import pytest
 from shared_fixtures.worlds.ring_maps import joined_map, ring_map
 
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.map import sources
 from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.map.sources import identify_town
-from carlaloc_env.town import sources
 
 PLAIN = read_opendrive(ring_map().encode())
 
