@@ -14,8 +14,8 @@ from pathlib import Path
 from bench import Bench, Row
 from rows.table import ROWS
 
+from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import CarlaLocError, unknown_name
-from carlaloc_env.core.jit import usable_cores
 
 
 def main(names: list[str], repeat: int, *, quick: bool, out: Path | None) -> list[Row]:

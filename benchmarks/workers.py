@@ -14,7 +14,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 from scenario import SEED
 
-from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.core.cores import usable_cores
 from recorder.drive.record import RecordConfig, record
 from recorder.replaying.replay import ReplayConfig, replay
 

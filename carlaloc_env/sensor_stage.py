@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.core.files.array_cache import give_back_freed_memory, give_back_mapped_pages
+from carlaloc_env.core.freed_memory import give_back_freed_memory, give_back_mapped_pages
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary

@@ -18,10 +18,12 @@ from pathlib import Path
 from statistics import median_high
 from typing import Any
 
+from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError, unknown_name
-from carlaloc_env.core.files.output_paths import atomic_write, check_output_folder, claim, remove
-from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.core.files.atomic_files import atomic_write, remove
+from carlaloc_env.core.files.file_locks import claim
+from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.map.sources import ALIASES, known_towns
 from carlaloc_env.rigs.presets import RIG_RIDES
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, SEQUENCE, DatasetFolder

@@ -23,8 +23,9 @@ import carlaloc_env
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError, unknown_name
+from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.config_files import from_mapping
-from carlaloc_env.core.files.output_paths import atomic_write, check_space
+from carlaloc_env.core.files.recordings import check_space
 from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.envs.base_env import plain

@@ -21,7 +21,7 @@ from timing import time_calls
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig

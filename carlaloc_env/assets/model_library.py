@@ -22,7 +22,8 @@ from carlaloc_env.assets.walkers.clothing import Build
 from carlaloc_env.assets.walkers.figure import skin_of
 from carlaloc_env.assets.walkers.gait import posture, standing
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.files.array_cache import Arrays, cached
+from carlaloc_env.core.files.array_cache import cached
+from carlaloc_env.core.files.array_files import Arrays
 from carlaloc_env.scene.materials import Material, Tag
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary, meshes_from_arrays, meshes_to_arrays
 

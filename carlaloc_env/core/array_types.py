@@ -1,8 +1,6 @@
-"""Names of numpy's array types, and physical constants.
+"""Names of numpy's array types, and the acceleration of free fall.
 
-Names of numpy's array types, in one place: shapes and units stand where they are used.
-
-Physical constants that several parts of the program use.
+Shapes and units stand where arrays are used.
 """
 
 import numpy as np
@@ -22,7 +20,5 @@ Index = NDArray[np.intp]
 """Rows of other arrays."""
 Mask = NDArray[np.bool_]
 """Which rows or pixels are meant."""
-
-
 GRAVITY_MPS2 = 9.81
 """Acceleration of free fall, along −z of the world [m/s²]; in physics, IMU and written calibration alike."""

@@ -1,8 +1,7 @@
-"""The pinhole camera, and the distortion of its lens.
+"""Camera model: a pinhole in OpenCV's convention, and the distortion of its lens.
 
-The pinhole camera: intrinsics in OpenCV's convention, optical frame x right, y down, z forward.
-
-Lens distortion in Kalibr's two usual models, which are OpenCV's plain and fisheye ones.
+The optical frame has x right, y down, z forward. Distortion follows Kalibr's two usual models, which are
+OpenCV's plain and fisheye ones.
 """
 
 from __future__ import annotations
@@ -17,6 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.errors import ConfigError, unknown_name
+
+_T = TypeVar("_T", bound=np.generic)
+MODELS = ("none", "radtan", "equidistant")
+"""Models of distortion."""
+_HALF_VIEW_MAX = 3.0
+"""Farthest ray that is drawn: x or y at z = 1, 72° off the axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,14 +67,6 @@ class Pinhole:
         return np.stack(
             [self.fx_px * p[:, 0] / z + self.cx_px, self.fy_px * p[:, 1] / z + self.cy_px], axis=-1
         )
-
-
-_T = TypeVar("_T", bound=np.generic)
-
-MODELS = ("none", "radtan", "equidistant")
-"""Models of distortion."""
-_HALF_VIEW_MAX = 3.0
-"""Farthest ray that is drawn: x or y at z = 1, 72° off the axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,12 +1,8 @@
-"""Time as integers, and randomness that is keyed by it.
+"""Time as integers, 200 Hz ticks and nanoseconds since the drive began, and random streams keyed by it.
 
-Time as integers: 200 Hz ticks and nanoseconds since the drive began.
-
-Counter-based randomness: one stream per (seed, name, stamp).
-
-A number depends on nothing but its key, so neither the order of sampling, nor parallel workers,
-nor a further sensor changes the noise of a sensor (Salmon et al., "Parallel random numbers: as
-easy as 1, 2, 3", SC 2011: Philox).
+A number depends on nothing but its key (seed, name, stamp), so neither the order of sampling, nor workers,
+nor a further sensor changes the noise of a sensor (Salmon et al., "Parallel random numbers: as easy as 1, 2,
+3", SC 2011: Philox).
 """
 
 from __future__ import annotations
@@ -28,6 +24,8 @@ STEP_TICKS = 10
 """Ticks in one environment step (50 ms)."""
 STEP_NS = STEP_TICKS * TICK_NS
 """Length of an environment step [ns]."""
+_WORD = (1 << 64) - 1
+"""64 bits."""
 
 
 def stamp_ns(tick: int) -> int:
@@ -71,10 +69,6 @@ class Schedule:
         """Stamps [ns] of all measurements in ``[first_ns, end_ns)``."""
         ticks = self.ticks_in(-(-first_ns // TICK_NS), -(-end_ns // TICK_NS))
         return [stamp_ns(tick) for tick in ticks]
-
-
-_WORD = (1 << 64) - 1
-"""64 bits."""
 
 
 def stream(seed: int, name: str, stamp_ns: int = 0, index: int = 0) -> np.random.Generator:

@@ -1,9 +1,6 @@
-"""The ego car: its dimensions, and the controls that every device gives and the physics takes.
+"""The ego car: its dimensions, which all parts read here, and the controls that every device gives.
 
-Dimensions of the ego car, an electric saloon: the one place that owns them.
-
-Physics, sensors, assets, town and traffic all read them here. Frame `base_link`: FLU, on the ground
-below the middle of the rear axle.
+Its frame `base_link` is FLU, on the ground below the middle of the rear axle.
 """
 
 from __future__ import annotations

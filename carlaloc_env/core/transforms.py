@@ -1,22 +1,15 @@
 """Rotations and rigid transforms, vectorised over leading axes, float64, right-handed.
 
 Quaternions are ``quat_xyzw``. ``T_a_b`` maps coordinates of frame b to frame a.
-
-Search among points: SciPy's k-d tree, imported when the first one is planted.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 R_FLU_OPTICAL: Array = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Maps camera optical axes (x right, y down, z forward) to FLU axes, shape (3, 3)."""
@@ -223,11 +216,3 @@ def _joined(*components: Array) -> Array:
     for k, component in enumerate(components):
         out[..., k] = component
     return out
-
-
-def point_tree(points_m: Array) -> cKDTree:
-    """A k-d tree over points [m], (M, 2|3)."""
-    # Here, since scipy.spatial takes long to import, and a drive in a town from the cache needs no search.
-    from scipy.spatial import cKDTree
-
-    return cKDTree(points_m)

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.files import config_files
-from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.road.rough_surface import ROAD_CLASSES
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.files.array_cache import Arrays
-from carlaloc_env.core.geodesy import GeoReference, ProjectedReference
+from carlaloc_env.core.files.array_files import Arrays
+from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.map_projection import ProjectedReference
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.files.array_cache import SHARED_FROM_BYTES, Arrays, arrays_hash, cached, read_only
+from carlaloc_env.core.files.array_cache import cached
+from carlaloc_env.core.files.array_files import Arrays, arrays_hash
+from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES, read_only
 from carlaloc_env.core.jit import compiled
 
 _CELLS_M = (2.0, 64.0)

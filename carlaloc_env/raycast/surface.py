@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.errors import RaycastError
-from carlaloc_env.core.files.array_cache import in_shared_memory, read_only
+from carlaloc_env.core.files.shared_arrays import in_shared_memory, read_only
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.raycast.foliage import GAP_M, leaf_depths
 from carlaloc_env.scene.materials import Material

@@ -16,7 +16,8 @@ import yaml
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import ConfigError, check_name, unknown_name
-from carlaloc_env.core.files.config_files import from_mapping, read_text, to_mapping
+from carlaloc_env.core.files.config_files import from_mapping, to_mapping
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import SENSORS_MAX, Sensor, SensorConfig, World

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.files.array_cache import Arrays
+from carlaloc_env.core.files.array_files import Arrays
 from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.scene.mesh import Mesh
 

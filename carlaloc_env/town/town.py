@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from carlaloc_env.core.files.array_cache import arrays_hash
+from carlaloc_env.core.files.array_files import arrays_hash
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork

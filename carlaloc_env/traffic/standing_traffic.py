@@ -14,7 +14,8 @@ import numpy as np
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.files.array_cache import arrays_hash, cached
+from carlaloc_env.core.files.array_cache import cached
+from carlaloc_env.core.files.array_files import arrays_hash
 from carlaloc_env.map.config import SignalTiming
 from carlaloc_env.map.lanes import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork

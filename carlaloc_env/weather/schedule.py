@@ -20,7 +20,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.weather.parameters import WeatherParameters, changed_weather, weather_by_name
 
 STEP_NS = 1_000_000_000

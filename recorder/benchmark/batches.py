@@ -13,8 +13,8 @@ from itertools import groupby
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from carlaloc_env.core.jit import usable_cores
 from recorder.benchmark.plan import Job
 from recorder.benchmark.results import BenchmarkConfig, Score, keep, keep_shared, run_job
 from recorder.dataset.layout import DatasetFolder

@@ -17,7 +17,7 @@ from jinja2 import Environment
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.benchmark.cells import traffic_label
 from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
 from recorder.benchmark.plan import BenchmarkSequence, Job

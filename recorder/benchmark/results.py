@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, EvaluationError, unknown_name
-from carlaloc_env.core.files.output_paths import atomic_write
-from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence

@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError
-from carlaloc_env.core.files.config_files import last_line
-from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.core.files.text_files import last_line
 from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
 from recorder.benchmark.results import (

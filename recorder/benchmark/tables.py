@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.benchmark.cells import CONDITION, NO_SYSTEM, answers_table, best, cells, ratios, traffic_label
 from recorder.benchmark.results import Score
 from recorder.dataset.sequence import RAW

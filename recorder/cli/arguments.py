@@ -14,12 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from carlaloc_env.core.errors import ConfigError, OutputError, UsageError
-from carlaloc_env.core.files.output_paths import (
-    EPISODE_SUFFIX,
-    check_episode_output,
-    check_output_file,
-    check_output_folder,
-)
+from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file, check_output_folder
+from carlaloc_env.core.files.recordings import check_episode_output
 
 if TYPE_CHECKING:
     from recorder.streaming.drive import DriveConfig

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu, PointCloud, Sample, SemanticImage
 from carlaloc_env.scene.materials import DYNAMIC_TAGS

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError, unknown_name
-from carlaloc_env.core.files.config_files import read_text
-from carlaloc_env.core.files.output_paths import atomic_write, part_path, path_below
+from carlaloc_env.core.files.atomic_files import atomic_write, part_path
+from carlaloc_env.core.files.output_paths import path_below
+from carlaloc_env.core.files.text_files import read_text
 
 DATASET, SEQUENCE, CHECKSUMS = "dataset.yaml", "sequence.yaml", "SHA256SUMS"
 """Descriptions of a dataset and of a sequence; checksums of all files below a folder."""

@@ -16,8 +16,9 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
-from carlaloc_env.core.files.config_files import read_text, to_mapping
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.config_files import to_mapping
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.layout import (
     DATASET,

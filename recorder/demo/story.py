@@ -11,9 +11,9 @@ from pathlib import Path
 
 import cv2
 
+from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.core.files.output_paths import atomic_write
-from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.parameters import weather_by_name

@@ -16,8 +16,10 @@ from typing import Any, TypeAlias
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, DeviceError, OutputError
-from carlaloc_env.core.files.config_files import from_mapping, read_text, to_mapping
-from carlaloc_env.core.files.output_paths import atomic_write, user_folder
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.config_files import from_mapping, to_mapping
+from carlaloc_env.core.files.output_paths import user_folder
+from carlaloc_env.core.files.text_files import read_text
 from recorder.devices.base import Command
 from recorder.devices.inputs import Stick
 

@@ -14,8 +14,8 @@ from typing import Any
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
-from carlaloc_env.core.files.array_cache import give_back_freed_memory
-from carlaloc_env.core.files.output_paths import check_episode_output, recording_path, repair_command
+from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
+from carlaloc_env.core.freed_memory import give_back_freed_memory
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.physics.params import ride_by_name
 from carlaloc_env.timeline.timeline import ActorCatalog

@@ -21,14 +21,10 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.core.files.output_paths import (
-    EPISODE_SUFFIX,
-    RECORDING_SUFFIX,
-    atomic_write,
-    check_output_file,
-    recording_path,
-    take_lock,
-)
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.file_locks import take_lock
+from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file
+from carlaloc_env.core.files.recordings import RECORDING_SUFFIX, recording_path
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 from recorder.episode.mcap_container import (

@@ -34,7 +34,7 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from carlaloc_env.core.files.output_paths import take_lock
+from carlaloc_env.core.files.file_locks import take_lock
 from recorder.episode.messages import RecordType
 
 _RECORD = struct.Struct("<BQ")

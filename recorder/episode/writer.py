@@ -22,12 +22,8 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_NS, stamp_ns
 from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.core.files.output_paths import (
-    check_episode_output,
-    part_path,
-    recording_path,
-    repair_command,
-)
+from carlaloc_env.core.files.atomic_files import part_path
+from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog
 from recorder.episode.mcap_container import ContainerWriter
 from recorder.episode.messages import ACTORS, EGO, EVENT, EgoRow, pack_actors, pack_ego

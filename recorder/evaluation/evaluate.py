@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.evaluation.align import (
     Alignment,
     Similarity,

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.transforms import matrix_to_quat
 
 _LONG_BYTES = 500_000

@@ -28,8 +28,8 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.config_files import read_text
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.transforms import invert, matrix_to_quat, quat_to_rotvec
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.transforms import rpy_to_quat
 from recorder.evaluation.pose_columns import PoseColumns, columns_by_name, columns_by_place, has_units
 from recorder.evaluation.text_tables import (

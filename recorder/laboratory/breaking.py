@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, MissingDependencyError
-from carlaloc_env.core.files.output_paths import atomic_write, path_below
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.faults.faults import KINDS
 from carlaloc_env.faults.fields import quantities
 from recorder.benchmark.results import BenchmarkConfig, Score

@@ -13,7 +13,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.timeline.timeline import Timeline

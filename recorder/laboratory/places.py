@@ -10,7 +10,7 @@ import numpy as np
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, EpisodeError, unknown_name
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Image, PointCloud, Sample
 from carlaloc_env.sensor_stage import SensorStage

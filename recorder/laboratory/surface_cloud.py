@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from carlaloc_env.core.array_types import F32, U8, Array, Index, Mask
 from carlaloc_env.core.clock import stream
 from carlaloc_env.core.errors import ConfigError, EvaluationError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.raycast.surface import import_open3d
 from carlaloc_env.scene.materials import colourise
 from carlaloc_env.scene.mesh import Mesh

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.benchmark.page import page_head
 from recorder.benchmark.results import BenchmarkConfig, Score, read_shared
 from recorder.benchmark.run import BenchmarkResult, Progress, run_benchmark

@@ -24,7 +24,7 @@ import yaml
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import ConfigError, OutputError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.dataset.layout import CHECKSUMS, SEQUENCE, file_sha256, read_checksums, sequences_below
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.evaluation.trajectory_files import read_tum

@@ -28,7 +28,8 @@ import carlaloc_env
 import recorder
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, check_name
-from carlaloc_env.core.files.config_files import from_mapping, read_text
+from carlaloc_env.core.files.config_files import from_mapping
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.parameters import weather_word

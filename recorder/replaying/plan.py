@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.output_paths import check_output_folder
-from carlaloc_env.core.jit import usable_cores
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.map.sources import TownId
 from carlaloc_env.render.views import check_quality

@@ -15,7 +15,7 @@ from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError, WriterError
-from carlaloc_env.core.files.array_cache import give_back_freed_memory
+from carlaloc_env.core.freed_memory import give_back_freed_memory
 from recorder.dataset.layout import DriveFolder
 from recorder.episode.summary import TrafficLevel
 from recorder.replaying.conditions import Condition, Recipe, Unit

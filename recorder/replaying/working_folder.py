@@ -18,7 +18,9 @@ from types import TracebackType
 from typing import IO, Any
 
 from carlaloc_env.core.errors import WriterError, check_name
-from carlaloc_env.core.files.output_paths import claim, has_name, path_below, remove
+from carlaloc_env.core.files.atomic_files import remove
+from carlaloc_env.core.files.file_locks import claim, has_name
+from carlaloc_env.core.files.output_paths import path_below
 from recorder.dataset.layout import CALIBRATION, GROUND_TRUTH, DriveFolder
 from recorder.dataset.manifest import has_drive, list_drive
 

@@ -21,7 +21,8 @@ from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError, is_name
-from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, apply, from_rotation, invert
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.build_network import build_network

@@ -13,7 +13,8 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
-from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.output_paths import check_output_file
 from recorder.evaluation.evaluate import EvaluationResult, PathErrors
 from recorder.evaluation.metrics import Metric
 

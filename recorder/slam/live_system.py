@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
-from carlaloc_env.core.files.config_files import last_line
-from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.core.files.text_files import last_line
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.folder_readings import NEXT
 from recorder.dataset.readings import ImuSample

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 
 cv2: Any = untyped_cv2
 """OpenCV, whose stubs know arrays of one type only."""

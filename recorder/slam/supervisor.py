@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.core.files.config_files import last_line
-from carlaloc_env.core.jit import usable_cores
+from carlaloc_env.core.cores import usable_cores
+from carlaloc_env.core.files.text_files import last_line
 from recorder.slam.keeper import GRACE_S, descendants, kept
 from recorder.slam.worker import ESTIMATE, FACTS, FRAMES
 

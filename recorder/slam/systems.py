@@ -11,7 +11,8 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.files.config_files import from_mapping, read_text
+from carlaloc_env.core.files.config_files import from_mapping
+from carlaloc_env.core.files.text_files import read_text
 from recorder.dataset.sequence import SlamSequence
 from recorder.slam.ros1.runner import Ros1Node
 from recorder.slam.runners.command import run_command

@@ -23,8 +23,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, WriterError
-from carlaloc_env.core.files.config_files import last_line
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.text_files import last_line
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.parameters import weather_word
 from recorder.dataset.layout import SequenceFolder

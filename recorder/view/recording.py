@@ -21,7 +21,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.errors import DeviceError, MissingDependencyError
-from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.core.transforms import matrix_to_quat, quat_rotate, rpy_to_quat
 from carlaloc_env.scene.materials import PALETTE_RGB, Tag
 from carlaloc_env.timeline.timeline import Timeline

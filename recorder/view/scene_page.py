@@ -20,7 +20,8 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.map.sources import known_towns
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene.materials import PALETTE_RGB, Tag

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import OutputError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.route import Route

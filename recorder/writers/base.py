@@ -20,7 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.files.output_paths import atomic_write, check_room, part_path, remove
+from carlaloc_env.core.files.atomic_files import (
+    atomic_write,
+    check_room,
+    part_path,
+    remove,
+)
 from carlaloc_env.samples import Image, Sample
 
 DEFAULT_EPOCH_NS = 1_672_531_200_000_000_000

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.core.files.array_cache import give_back_mapped_pages
+from carlaloc_env.core.freed_memory import give_back_mapped_pages
 
 SCRIPT = """
 import numpy as np
-from carlaloc_env.core.files.array_cache import give_back_freed_memory
+from carlaloc_env.core.freed_memory import give_back_freed_memory
 
 def resident_kb():
     lines = open("/proc/self/status").read().splitlines()
@@ -37,8 +37,8 @@ def test_pages_between_what_is_kept_are_given_back() -> None:
 MAPPED = """
 import sys
 import numpy as np
-from carlaloc_env.core.files.array_cache import load, save
-from carlaloc_env.core.files.array_cache import give_back_mapped_pages
+from carlaloc_env.core.files.array_files import load, save
+from carlaloc_env.core.freed_memory import give_back_mapped_pages
 from pathlib import Path
 
 def resident_kb():

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from shared_fixtures.processes.small_disks import small_disk
 
-from carlaloc_env.core import jit
+from carlaloc_env.core import cores, jit
 from carlaloc_env.core.files.source_digest import source_digest
 
 _CALLER = """
@@ -60,7 +60,7 @@ def test_cores_are_those_that_a_container_is_granted(
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(3, 19)), raising=False)
-    assert jit.usable_cores(tmp_path) == tuple(range(3, 3 + count))
+    assert cores.usable_cores(tmp_path) == tuple(range(3, 3 + count))
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs affinities")
@@ -68,7 +68,7 @@ def test_cores_are_those_of_the_affinity() -> None:
     one = min(os.sched_getaffinity(0))
     script = (
         f"import os; os.cpu_count = lambda: 8; os.sched_setaffinity(0, [{one}])\n"
-        "from carlaloc_env.core.jit import usable_cores; print(*usable_cores())"
+        "from carlaloc_env.core.cores import usable_cores; print(*usable_cores())"
     )
     command = [sys.executable, "-c", script]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == f"{one}\n"
@@ -158,16 +158,16 @@ def test_numba_still_keeps_its_stamp_where_ours_replaces_it() -> None:
 
 
 def test_bands_cover_every_row_once_and_in_order() -> None:
-    for rows in (0, 1, jit.BAND_ROWS, 5 * jit.BAND_ROWS + 7):
-        bands = jit.over_bands(lambda first, end: list(range(first, end)), rows)
+    for rows in (0, 1, cores.BAND_ROWS, 5 * cores.BAND_ROWS + 7):
+        bands = cores.over_bands(lambda first, end: list(range(first, end)), rows)
         assert [row for band in bands for row in band] == list(range(rows))
 
 
 def test_a_band_that_fails_fails_the_whole() -> None:
     def half(first: int, end: int) -> int:
-        if first >= 2 * jit.BAND_ROWS:
+        if first >= 2 * cores.BAND_ROWS:
             raise ValueError("no such rows")
         return end
 
     with pytest.raises(ValueError, match="no such rows"):
-        jit.over_bands(half, 5 * jit.BAND_ROWS)
+        cores.over_bands(half, 5 * cores.BAND_ROWS)

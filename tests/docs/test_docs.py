@@ -84,7 +84,9 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_named_files_exist(page: Path) -> None:
     """Every path of the repository that stands in backquotes exists."""
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    named = re.findall(r"`((?:carlaloc_env|recorder|docs|examples|tests|maps|map|scenery|town)/[\w./]+)`", text)
+    named = re.findall(
+        r"`((?:carlaloc_env|recorder|docs|examples|tests|maps|map|scenery|town)/[\w./]+)`", text
+    )
     for name in named:
         assert (ROOT / name).exists() or (ROOT / "carlaloc_env" / name).exists(), name
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.core.files.array_cache import SHARED_FROM_BYTES
+from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES
 from carlaloc_env.physics.ground_heights import ground_arrays, ground_table, highest_below, kept_ground
 from carlaloc_env.town.town import Town
 

@@ -8,7 +8,7 @@ from shared_fixtures.worlds.equality import assert_same
 from shared_fixtures.worlds.small_towns import KERBSIDE, MOTORWAY, climb, straight_road
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.files.array_cache import load, save
+from carlaloc_env.core.files.array_files import load, save
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.map.opendrive.records import OpenDrive

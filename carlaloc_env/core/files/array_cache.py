@@ -1,72 +1,29 @@
-"""Arrays kept on disk: written under another name first, checked on reading, made anew when damaged.
+"""Cache on disk: results named after all that they come from, and made anew when damaged.
 
-Their files are named after all that they come from, so that a change of the code, of a library or of the
-content makes a new file; those used longest ago go.
-
-Arrays that processes share: views of a file of the cache, whose pages are in memory once for all.
-
-What a process has freed, given back to the system.
+A change of the code, of a library or of the content makes a new file; the files used longest ago are deleted.
 """
 
-import ctypes
 import hashlib
-import json
 import logging
-import math
-import mmap
 import os
 import re
 import stat
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TypeVar
 
 from carlaloc_env.core.errors import OutputError
-from carlaloc_env.core.files.output_paths import atomic_write, locked, user_folder
+from carlaloc_env.core.files.array_files import Arrays, load, save
+from carlaloc_env.core.files.file_locks import locked
+from carlaloc_env.core.files.output_paths import user_folder
 from carlaloc_env.core.files.source_digest import source_digest
-
-
-def give_back_freed_memory() -> None:
-    """Return pages that were freed to the system, where the C library keeps them (glibc); else nothing.
-
-    Building a scene takes some hundred megabytes for a moment, which glibc would hold for good.
-    """
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-        if trim is not None:
-            trim(0)
-
-
-def give_back_mapped_pages(array: NDArray[Any]) -> None:
-    """Let go of the pages of the whole file that an array is a view of; they are read again when needed.
-
-    Other arrays are left alone, and so are all on systems that cannot do it.
-    """
-    base: Any = array
-    while base is not None and not isinstance(base, mmap.mmap):
-        base = getattr(base, "base", None)
-    if base is not None and hasattr(mmap, "MADV_DONTNEED"):
-        base.madvise(mmap.MADV_DONTNEED)
-
 
 _log = logging.getLogger(__name__)
 """Log of misses."""
-
-Arrays = dict[str, NDArray[Any]]
-"""Arrays by name."""
 T = TypeVar("T")
-
-SIGNATURE = b"carlaloc arrays 1\n"
-"""First bytes of a file of arrays."""
-ALIGNED_BYTES = 64
-"""Values of each array begin at a multiple of this, so that they can be used where they lie."""
 _KEY = re.compile(r"-[0-9a-f]+")
 """Digest at the end of a folder's name."""
 _KEPT = re.compile(r"[^.].*-[0-9a-f]{32}\.[a-z]+")
@@ -276,114 +233,3 @@ def _used_s(path: Path) -> float:
     with suppress(OSError):
         return path.stat().st_mtime
     return 0.0
-
-
-def arrays_hash(arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Hash of named arrays with their types and shapes, 32 hexadecimal digits."""
-    # Processors have instructions for SHA-256: towns are large, and each load looks at every byte.
-    digest = hashlib.sha256()
-    for name in sorted(arrays):
-        value = np.ascontiguousarray(arrays[name])
-        digest.update(f"{name}/{value.dtype.str}/{value.shape}".encode())
-        digest.update(value.data.cast("B") if value.size else b"")
-    return digest.hexdigest()[:32]
-
-
-def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write named arrays and their hash; the name `path` never holds a half-written file.
-
-    After the signature come the length of a JSON table (8 bytes), the table, and the values themselves.
-    """
-    rows, end = {}, 0
-    for name, value in arrays.items():
-        start = -(-end // ALIGNED_BYTES) * ALIGNED_BYTES
-        rows[name] = (value.dtype.str, value.shape, start)
-        end = start + value.nbytes
-    table = json.dumps({"hash": arrays_hash(arrays), "arrays": rows}).encode()
-    with atomic_write(path, advice="set $CARLALOC_CACHE to another folder") as part, part.open("wb") as out:
-        out.write(SIGNATURE + len(table).to_bytes(8, "little") + table)
-        first = _first_byte(len(table))
-        for name, (_, _, start) in rows.items():
-            out.seek(first + start)
-            out.write(np.ascontiguousarray(arrays[name]).data)
-        out.truncate(first + end)
-
-
-def load(path: Path) -> Arrays | None:
-    """Named arrays of a file, or None when it is missing or damaged.
-
-    They are views of the file, mapped into memory: nobody can write to them, and processes share them.
-    """
-    if not path.is_file():
-        return None
-    try:
-        arrays, mark = _mapped(path)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        _log.warning("cached file %s is damaged (%s) and will be made again", path, error)
-        return None
-    if mark != arrays_hash(arrays):
-        _log.warning("cached file %s does not match its hash and will be made again", path)
-        return None
-    # The check has read all of it, and often little is needed.
-    give_back_mapped_pages(next(iter(arrays.values())))
-    return arrays
-
-
-def _mapped(path: Path) -> tuple[Arrays, str]:
-    """Arrays of a file as views of it, and the hash that they had."""
-    content = np.memmap(path, dtype=np.uint8, mode="r").view(np.ndarray)
-    begin = len(SIGNATURE) + 8
-    if content[: len(SIGNATURE)].tobytes() != SIGNATURE:
-        raise ValueError("it is no file of arrays")
-    size = int.from_bytes(content[len(SIGNATURE) : begin].tobytes(), "little")
-    table = json.loads(content[begin : begin + size].tobytes())
-    values = content[_first_byte(size) :]
-    arrays: Arrays = {}
-    for name, (kind, shape, start) in table["arrays"].items():
-        dtype = np.dtype(kind)
-        own = values[start : start + math.prod(shape) * dtype.itemsize]
-        arrays[name] = own.view(dtype).reshape(shape)
-    return arrays, str(table["hash"])
-
-
-def _first_byte(table_bytes: int) -> int:
-    return -(-(len(SIGNATURE) + 8 + table_bytes) // ALIGNED_BYTES) * ALIGNED_BYTES
-
-
-SHARED_FROM_BYTES = 1 << 20
-"""Smaller arrays have memory of their own."""
-
-
-def read_only(arrays: Arrays) -> Arrays:
-    """Views to which nobody can write, as to those of a file, so that one compiled function takes both."""
-    views = {name: value.view() for name, value in arrays.items()}
-    for value in views.values():
-        value.setflags(write=False)
-    return views
-
-
-def in_shared_memory(arrays: Arrays, name: str, kind: str, *, module: str, kept_files: int) -> Arrays:
-    """The same arrays, read-only, in a file of the cache if they are large.
-
-    What nobody reads need not be in memory at all.
-
-    Args:
-        arrays: Arrays by name.
-        name: Beginning of the file's name.
-        kind: Its suffix without the dot.
-        module: Module that made them.
-        kept_files: Files of this name that are kept.
-    """
-    views = read_only(arrays)
-    if sum(value.nbytes for value in views.values()) < SHARED_FROM_BYTES:
-        return views
-    return cached(
-        name,
-        kind,
-        module=module,
-        make=lambda: views,
-        to_arrays=lambda made: made,
-        from_arrays=lambda found: {name: found[name] for name in views},
-        content=arrays_hash(views),
-        kept_files=kept_files,
-    )

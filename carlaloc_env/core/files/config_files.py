@@ -1,26 +1,13 @@
-"""Files that users give, as text and as dataclasses; records as bytes; the last line of logs.
-
-Frozen dataclasses to plain mappings and back, for YAML files; an unknown key names the nearest one.
-
-Records of numbers, names and small arrays as bytes of JSON, for files of arrays.
-
-The line of a log that says why a program has ended.
-"""
+"""Frozen dataclasses to plain mappings and back, for YAML files; an unknown key names the nearest one."""
 
 import dataclasses
 import enum
-import json
 import types
 import typing
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
-from pathlib import Path
 from typing import Any, TypeVar, Union, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
-from carlaloc_env.core.errors import CarlaLocError, ConfigError, unknown_name
+from carlaloc_env.core.errors import ConfigError, unknown_name
 
 T = TypeVar("T")
 
@@ -133,81 +120,3 @@ def _first_that_fits(hints: Sequence[Any], value: Any, where: str) -> Any:
 
 def _name_of(value: Any) -> str:
     return f"{value!r} ({type(value).__name__})" if value is not None else "nothing"
-
-
-def to_bytes(records: Sequence[Any]) -> NDArray[np.uint8]:
-    """Records of one dataclass as bytes, (B,).
-
-    Their fields are numbers, names, None, arrays of floating-point numbers, and tuples of these. All come
-    back with the same bits: JSON holds as many digits as that takes.
-    """
-    rows = [[getattr(record, field.name) for field in fields(record)] for record in records]
-    return np.frombuffer(json.dumps(rows, default=_of_array).encode(), dtype=np.uint8)
-
-
-def from_bytes(kind: type[T], content: NDArray[np.uint8]) -> tuple[T, ...]:
-    """The records again.
-
-    Args:
-        kind: Their dataclass.
-        content: What `to_bytes` made of them.
-
-    Raises:
-        ValueError: These bytes hold no such records.
-    """
-    names = [field.name for field in fields(kind)]  # type: ignore[arg-type]
-    rows = json.loads(content.tobytes(), object_hook=_to_array)
-    return tuple(
-        kind(**{name: _frozen(value) for name, value in zip(names, row, strict=True)}) for row in rows
-    )
-
-
-def _of_array(value: NDArray[np.float64]) -> dict[str, Any]:
-    if value.dtype != np.float64:
-        raise TypeError(f"arrays of {value.dtype} are not kept in records")
-    return {"values": value.ravel().tolist(), "shape": value.shape}
-
-
-def _to_array(found: dict[str, Any]) -> NDArray[np.float64]:
-    return np.array(found["values"], dtype=np.float64).reshape(found["shape"])
-
-
-def _frozen(value: Any) -> Any:
-    """Tuples in place of lists."""
-    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
-
-
-def read_text(path: Path, kind: str, error: type[CarlaLocError] = ConfigError) -> str:
-    """Text of a file, without the mark that editors of Windows put at the beginning.
-
-    Args:
-        path: The file.
-        kind: What it should be, e.g. ``"rig"``.
-        error: Kind of the error raised.
-
-    Raises:
-        CarlaLocError: of this kind; the file cannot be read or is no text.
-    """
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as fault:
-        where = f"at byte {fault.start + 1}"
-        raise error(
-            f"cannot read the {kind} {path}: no UTF-8 text {where}; save it as UTF-8, or give another file"
-        ) from fault
-    except OSError as fault:
-        raise error(f"cannot read the {kind} {path}: {fault.strerror or fault}; give another file") from fault
-
-
-_ERROR_LINE = 300
-"""Longest text of an error that is kept [characters]."""
-
-
-def last_line(log: Path, *, but: str = "") -> str:
-    """Last line that a system printed and that an error, `but`, does not hold already; empty: none."""
-    try:
-        lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return ""
-    printed = [line.strip()[:_ERROR_LINE] for line in lines if line.strip()]
-    return next((line for line in reversed(printed) if line not in but), "")

@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.files.output_paths import atomic_write, check_output_file
-from carlaloc_env.core.geodesy import GeoReference, ProjectedReference
+from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.output_paths import check_output_file
+from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.map_projection import ProjectedReference
 from carlaloc_env.map.checks.graph import (
     graph_problems,
     link_problems,

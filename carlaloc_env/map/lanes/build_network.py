@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.files import config_files
-from carlaloc_env.core.files.array_cache import Arrays
+from carlaloc_env.core.files import record_bytes
+from carlaloc_env.core.files.array_files import Arrays
 from carlaloc_env.map.lanes.centre_lines import LaneTables
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.lanes.lanes import (
@@ -199,10 +199,10 @@ def to_arrays(network: LaneNetwork) -> Arrays:
         "forward": network.forward,
         "start_s_m": network.start_s_m,
         "bank": network.bank,
-        "lanes": config_files.to_bytes(network.lanes),
-        "signals": config_files.to_bytes(network.signals),
-        "static_signs": config_files.to_bytes(network.static_signs),
-        "crosswalks": config_files.to_bytes(network.crosswalks),
+        "lanes": record_bytes.to_bytes(network.lanes),
+        "signals": record_bytes.to_bytes(network.signals),
+        "static_signs": record_bytes.to_bytes(network.static_signs),
+        "crosswalks": record_bytes.to_bytes(network.crosswalks),
         **{f"tables/{name}": getattr(network.tables, name) for name in _TABLES},
     }
 
@@ -220,11 +220,11 @@ def from_arrays(arrays: Arrays, read: Callable[[], RoadMap]) -> LaneNetwork:
         forward=copied["forward"],
         start_s_m=copied["start_s_m"],
         tables=LaneTables(**{name: copied[f"tables/{name}"] for name in _TABLES}),
-        lanes=config_files.from_bytes(Lane, copied["lanes"]),
+        lanes=record_bytes.from_bytes(Lane, copied["lanes"]),
     )
     network = LaneNetwork(read, lanes)
     network.bank = copied["bank"]
-    network.signals = config_files.from_bytes(SignalHead, copied["signals"])
-    network.static_signs = config_files.from_bytes(StaticSign, copied["static_signs"])
-    network.crosswalks = config_files.from_bytes(Crosswalk, copied["crosswalks"])
+    network.signals = record_bytes.from_bytes(SignalHead, copied["signals"])
+    network.static_signs = record_bytes.from_bytes(StaticSign, copied["static_signs"])
+    network.crosswalks = record_bytes.from_bytes(Crosswalk, copied["crosswalks"])
     return network

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.transforms import point_tree, wrap_angle
+from carlaloc_env.core.point_tree import point_tree
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.map.lanes.centre_lines import TABLE_STEP_M, LanePose, LaneTables
 from carlaloc_env.map.lanes.lanes import Crosswalk, LaneRecords, RoadMap, SignalHead, StaticSign
 from carlaloc_env.map.lanes.topology import LaneLinks

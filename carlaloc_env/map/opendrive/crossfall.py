@@ -6,7 +6,7 @@ import numpy as np
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index, Mask
-from carlaloc_env.core.transforms import point_tree
+from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.map.opendrive.lane_boundaries import CubicTable, LaneEdges
 from carlaloc_env.map.opendrive.records import Road, RoadLink
 from carlaloc_env.map.opendrive.reference_line import PlanView

@@ -16,7 +16,8 @@ import numpy as np
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geodesy import GeoReference, ProjectedReference, area_of_use, projected_reference
+from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.map_projection import ProjectedReference, area_of_use, projected_reference
 from carlaloc_env.map.opendrive.read_roads import PROJECTED_LIMIT
 from carlaloc_env.map.opendrive.records import Road
 from carlaloc_env.map.opendrive.xml_document import Document, Element, ElementError

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.files.array_cache import give_back_mapped_pages
+from carlaloc_env.core.freed_memory import give_back_mapped_pages
 from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
 from carlaloc_env.render.geometry.level_of_detail import (
     CELL_M,

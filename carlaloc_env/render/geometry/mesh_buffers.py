@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U32
-from carlaloc_env.core.files.array_cache import Arrays, give_back_mapped_pages
+from carlaloc_env.core.files.array_files import Arrays
+from carlaloc_env.core.freed_memory import give_back_mapped_pages
 from carlaloc_env.render.geometry.packed_meshes import VERTEX
 from carlaloc_env.render.geometry.triangle_culling import Body, TriangleCuller
 from carlaloc_env.render.gl_context import GrowingBuffer, is_software

@@ -12,14 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32
-from carlaloc_env.core.files.array_cache import (
-    SHARED_FROM_BYTES,
-    Arrays,
-    arrays_hash,
-    cached,
-    give_back_mapped_pages,
-    read_only,
-)
+from carlaloc_env.core.files.array_cache import cached
+from carlaloc_env.core.files.array_files import Arrays, arrays_hash
+from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES, read_only
+from carlaloc_env.core.freed_memory import give_back_mapped_pages
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.render.geometry.level_of_detail import simplified
 from carlaloc_env.render.gl_context import Programs

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import stream
-from carlaloc_env.core.files.array_cache import Arrays, cached
+from carlaloc_env.core.files.array_cache import cached
+from carlaloc_env.core.files.array_files import Arrays
 from carlaloc_env.render.textures.ground import (
     asphalt,
     concrete,

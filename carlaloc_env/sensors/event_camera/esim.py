@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, I32, U32
-from carlaloc_env.core.jit import compiled, inlined, over_bands
+from carlaloc_env.core.cores import over_bands
+from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.sensors.event_camera.motion_sampling import new_track, sample_signal
 from carlaloc_env.sensors.event_camera.pixels import NEVER_US, NoiseEvents, PixelState, Thresholds, by_time
 from carlaloc_env.sensors.event_camera.tile_survey import (

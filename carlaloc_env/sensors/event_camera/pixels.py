@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import F32, I32, U32, Mask
-from carlaloc_env.core.jit import compiled, over_bands
+from carlaloc_env.core.cores import over_bands
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.samples import EVENT
 
 NEVER_US = -(1 << 30)

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.camera_model import Lens, LensView, Pinhole
-from carlaloc_env.core.jit import compiled, over_bands
+from carlaloc_env.core.cores import over_bands
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.sensors.imaging.motion_field import SKY_M, SURFACE_RATIO, TILE_PX, ScenePoses, motion_field
 from carlaloc_env.weather.parameters import WeatherParameters
 

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.core.jit import compiled, inlined, over_bands
+from carlaloc_env.core.cores import over_bands
+from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.sensors.camera_config import ImagerConfig
 from carlaloc_env.sensors.imaging.frame import FrameMotion
 from carlaloc_env.sensors.imaging.motion_field import source_of

@@ -17,7 +17,7 @@ import numpy as np
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.transforms import point_tree
+from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.record_arrays import Flags, packed
 

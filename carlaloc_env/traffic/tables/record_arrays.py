@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Index
-from carlaloc_env.core.files.array_cache import Arrays
+from carlaloc_env.core.files.array_files import Arrays
 from carlaloc_env.core.jit import compiled
 
 Flags = NDArray[np.bool_]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.transforms import point_tree
+from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.lanes.lanes import Crosswalk
 from carlaloc_env.traffic.tables.lane_reachability import (

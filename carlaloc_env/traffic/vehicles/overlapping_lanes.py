@@ -12,7 +12,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.core.transforms import point_tree
+from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Links
 from carlaloc_env.traffic.tables.lane_tables import Roads

@@ -15,7 +15,7 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from carlaloc_env.core.files.output_paths import take_lock
+from carlaloc_env.core.files.file_locks import take_lock
 from recorder.cli.arguments import OutputFolder, option, positive_seconds, seconds
 from recorder.cli.terminal import Progress, announced
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from recorder.dataset.readings import StereoPair
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory_files import read_tum

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.samples import ObjectList
 from carlaloc_env.scene.materials import Tag
 from recorder.writers.base import Piece
@@ -162,7 +163,7 @@ def points_in(boxes: Boxes, points_m: Array, eye_m: Array) -> tuple[NDArray[np.i
     reach = 0.5 * np.sqrt(np.sum(boxes.size_m**2, axis=1)) / distance
     # A cone around each box: chords between directions; near boxes take all rays.
     chord = np.where(reach < 0.9, 1.1 * reach, 2.0)
-    tree = transforms.point_tree(away / range_m[:, None])
+    tree = point_tree(away / range_m[:, None])
     rays = tree.query_ball_point(towards / distance[:, None], chord)
     box = np.repeat(np.arange(count), [len(row) for row in rays])
     ray = np.fromiter((k for row in rays for k in row), np.int64, len(box))

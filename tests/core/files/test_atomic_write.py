@@ -8,7 +8,7 @@ import pytest
 from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.files.output_paths import atomic_write, part_path
+from carlaloc_env.core.files.atomic_files import atomic_write, part_path
 
 
 def _broken_off(path: Path, fault: BaseException) -> None:

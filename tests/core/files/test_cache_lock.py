@@ -86,7 +86,7 @@ def test_a_file_made_between_a_look_and_the_lock_is_taken(
 def test_a_folder_without_locks_is_used_all_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("carlaloc_env.core.files.output_paths.fcntl", None)
+    monkeypatch.setattr("carlaloc_env.core.files.file_locks.fcntl", None)
     with caplog.at_level(logging.WARNING):
         assert fetch(tmp_path / "cache", 0.0) == fetch(tmp_path / "cache", 0.0) == 4.0
     assert not caplog.records

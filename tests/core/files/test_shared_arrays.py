@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.core.files.array_cache import SHARED_FROM_BYTES, Arrays, in_shared_memory
+from carlaloc_env.core.files.array_files import Arrays
+from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES, in_shared_memory
 
 
 @pytest.fixture

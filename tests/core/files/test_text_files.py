@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from carlaloc_env.core.files.config_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.schedule import weather_of

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geodesy import GeoReference, area_of_use, projected_reference
+from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.map_projection import area_of_use, projected_reference
 
 UTM = "+proj=utm +zone=32 +datum=WGS84 +units=m"
 MUNICH = projected_reference(UTM, 691_000.0, 5_336_000.0, height_m=500.0)

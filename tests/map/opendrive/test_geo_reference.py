@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.ring_maps import ring_map
 
-from carlaloc_env.core.geodesy import ProjectedReference
+from carlaloc_env.core.map_projection import ProjectedReference
 from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.map.opendrive.records import OpenDrive
 

@@ -19,7 +19,7 @@ from carlaloc_env.assets.texture_atlas import (
 )
 from carlaloc_env.core.clock import stream
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.files.array_cache import save
+from carlaloc_env.core.files.array_files import save
 from carlaloc_env.render.textures.build import RECIPES, build_textures, make_albedo
 from carlaloc_env.render.textures.noise import fbm, worley
 from carlaloc_env.scene.materials import MATERIALS, Material

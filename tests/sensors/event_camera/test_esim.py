@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.event_pixels import SHAPE, SPAN_US, fresh, run, sums, uniform
 
-from carlaloc_env.core import jit
+from carlaloc_env.core import cores
 from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.event_camera.pixels import NEVER_US, NoiseEvents, PixelState, Thresholds
 
@@ -158,11 +158,11 @@ def test_events_are_those_of_the_closed_form_with_leak_dead_time_and_noise() -> 
 @pytest.mark.parametrize("workers", [1, 2, 5])
 def test_bytes_do_not_depend_on_the_number_of_workers(workers: int, monkeypatch: pytest.MonkeyPatch) -> None:
     generator = np.random.default_rng(15)
-    before, after = generator.normal(0, 1, (2, 5 * jit.BAND_ROWS + 3, 40)).astype(np.float32)
+    before, after = generator.normal(0, 1, (2, 5 * cores.BAND_ROWS + 3, 40)).astype(np.float32)
     noise = NoiseEvents.draw(9, "left", 7, before.shape, 50.0, SPAN_US)
-    monkeypatch.setattr(jit.os, "cpu_count", lambda: 8)
+    monkeypatch.setattr(cores.os, "cpu_count", lambda: 8)
     events, state = run(before, after, noise=noise)
-    monkeypatch.setattr(jit.os, "cpu_count", lambda: workers)
+    monkeypatch.setattr(cores.os, "cpu_count", lambda: workers)
     again, other = run(before, after, noise=noise)
     assert again.tobytes() == events.tobytes()
     assert other.reference.tobytes() == state.reference.tobytes()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from carlaloc_env.core.files.output_paths import locked
+from carlaloc_env.core.files.file_locks import locked
 
 
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:

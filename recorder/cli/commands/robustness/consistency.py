@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import UsageError
-from carlaloc_env.core.files.output_paths import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.cli.arguments import (
     OutputFolder,
     add_condition_options,
