@@ -25,7 +25,6 @@ from carlaloc_env.map.sources import identify_town as identify_town
 from carlaloc_env.map.sources import known_towns as known_towns
 from carlaloc_env.rigs.presets import rig_by_name as rig_by_name
 from carlaloc_env.rigs.rig import SensorRig as SensorRig
-from carlaloc_env.samples import CanState as CanState
 from carlaloc_env.samples import DepthImage as DepthImage
 from carlaloc_env.samples import Events as Events
 from carlaloc_env.samples import FlowImage as FlowImage
@@ -51,7 +50,6 @@ from carlaloc_env.sensors.imu import ImuConfig as ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig as LidarConfig
 from carlaloc_env.sensors.ranging_config import RadarConfig as RadarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS as SENSOR_KINDS
-from carlaloc_env.sensors.vehicle import CanConfig as CanConfig
 from carlaloc_env.sensors.vehicle import SpeedConfig as SpeedConfig
 from carlaloc_env.sensors.vehicle import WheelsConfig as WheelsConfig
 from carlaloc_env.timeline.ego_spline import Motion as Motion

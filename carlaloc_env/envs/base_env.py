@@ -29,7 +29,6 @@ from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_m
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.rigs.rig import Rig
 from carlaloc_env.samples import (
-    CanState,
     DepthImage,
     GnssFix,
     Image,
@@ -247,9 +246,6 @@ def values_of(sample: Sample) -> NDArray[Any]:
         return np.array([sample.speed_mps])
     if isinstance(sample, WheelTicks):
         return np.concatenate([sample.ticks.astype(np.float64), sample.rate_radps])
-    if isinstance(sample, CanState):
-        pedals = [sample.throttle, sample.brake, float(sample.gear), float(sample.handbrake)]
-        return np.array([sample.steering_wheel_rad, sample.speed_mps, *pedals])
     if isinstance(sample, ObservedSample):
         return sample.observed()
     raise TypeError(f"{type(sample).__name__} has no place in observations; give it a method observed()")

@@ -23,7 +23,7 @@ from carlaloc_env.sensors.camera_config import CameraConfig, ImagerConfig, Shutt
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig, RadarConfig
-from carlaloc_env.sensors.vehicle import CanConfig, SpeedConfig, WheelsConfig
+from carlaloc_env.sensors.vehicle import SpeedConfig, WheelsConfig
 
 SNR_MAX_DB, DYNAMIC_RANGE_DB, ADC_BITS, PIXEL_UM = 40.2, 71.4, 12, 3.45
 """Figures of the data sheet."""
@@ -92,8 +92,8 @@ def paper_rig() -> SensorRig:
 
 
 def flu_rig() -> SensorRig:
-    """The same places with the IMU in FLU axes, the angles and timing of an HDL-32E, wheels and CAN."""
-    car = (SpeedConfig(), WheelsConfig(), CanConfig())
+    """The same places with the IMU in FLU axes, the angles and timing of an HDL-32E, and wheels."""
+    car = (SpeedConfig(), WheelsConfig())
     return SensorRig(name="flu", sensors=(_imu("flu"), *_cameras(), _hdl32e(), *_radars(), _gnss(), *car))
 
 

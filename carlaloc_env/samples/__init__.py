@@ -17,7 +17,6 @@ from carlaloc_env.samples.images import (
     SemanticImage,
 )
 from carlaloc_env.samples.vehicle_states import (
-    CanState,
     GnssFix,
     Imu,
     ObjectList,
@@ -28,7 +27,6 @@ from carlaloc_env.samples.vehicle_states import (
 
 __all__ = [
     "EVENT",
-    "CanState",
     "DepthImage",
     "Events",
     "FlowImage",

@@ -80,29 +80,6 @@ class WheelTicks(Sample):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class CanState(Sample):
-    """Messages of a car on its CAN bus, rounded to the bus' steps."""
-
-    steering_wheel_rad: float
-    """Angle of the steering wheel, left positive [rad]."""
-    speed_mps: float
-    """Speed on the dashboard: mean of the rear wheels', negative backwards [m/s]."""
-    wheel_speed_mps: NDArray[np.float64]
-    """Speed of each wheel's tread: front left, front right, rear left, rear right [m/s], shape (4,)."""
-    throttle: float
-    """Throttle pedal [0–1], 1 = down."""
-    brake: float
-    """Brake pedal [0–1], 1 = down."""
-    gear: int
-    """Selected gear [1 or −1]: 1 = forwards, −1 = reverse."""
-    handbrake: bool
-    """Whether the handbrake is pulled, 1 = pulled."""
-
-    def __post_init__(self) -> None:
-        check_arrays(self, np.float64, (4,), "wheel_speed_mps")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Odometry(Sample):
     """True motion of a frame; `frame_id` is the frame whose motion this is."""
 

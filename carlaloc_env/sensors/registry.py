@@ -5,7 +5,7 @@ from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig, RadarConfig
-from carlaloc_env.sensors.vehicle import CanConfig, SpeedConfig, WheelsConfig
+from carlaloc_env.sensors.vehicle import SpeedConfig, WheelsConfig
 
 SENSOR_KINDS: dict[str, type[SensorConfig]] = {
     "camera": CameraConfig,
@@ -15,6 +15,5 @@ SENSOR_KINDS: dict[str, type[SensorConfig]] = {
     "gnss": GnssConfig,
     "speed": SpeedConfig,
     "wheels": WheelsConfig,
-    "can": CanConfig,
 }
 """Configuration class of each kind of sensor."""

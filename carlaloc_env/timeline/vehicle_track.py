@@ -1,4 +1,4 @@
-"""What the ego's wheels and pedals did, tick by tick: truth for odometry and CAN."""
+"""Motion of the ego's wheels and pedals at every tick: the truth of wheel odometry."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class CarTrack:
         if self._count == 0:
             raise EpisodeError(
                 "the drive has no record of its wheels and pedals; record it again with this version, or "
-                "leave wheels and can out of the rig"
+                "leave wheels out of the rig"
             )
         row = stamps // TICK_NS - self._first_tick
         if len(row) and not 0 <= row.min() <= row.max() < self._count:

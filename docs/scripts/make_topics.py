@@ -9,7 +9,6 @@ from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.rigs.presets import paper_rig
 from carlaloc_env.rigs.rig import Rig, SensorRig
 from carlaloc_env.samples import (
-    CanState,
     DepthImage,
     Events,
     GnssFix,
@@ -58,8 +57,6 @@ TAIL = """\
   the noise densities.
 * `wheel_joints` (rig `flu`, `/wheels/joint_states`): sensor_msgs/JointState, angles of whole ticks [rad]
   and spins [rad/s] of `wheel_front_left`, `wheel_front_right`, `wheel_rear_left`, `wheel_rear_right`.
-* `can_steering`, `can_wheels`, `can_pedals` (rig `flu`, `/can/frames`): can_msgs/Frame with the identifiers
-  0x0C1, 0x0C2, 0x0C3; `calibration/can.dbc` describes their signals.
 * `odometry`: header frame `world`, child frame `base_link`; the twist is in the child frame.
 * `acceleration`: geometry_msgs/AccelStamped of `base_link` in its own axes, gravity not included.
 * `objects`: derived_object_msgs/ObjectArray, the type of CARLA's ROS bridge; boxes (`shape`), attitude,
@@ -84,7 +81,6 @@ _KIND_OF_SENSOR: dict[str, type[Sample]] = {
     "gnss": GnssFix,
     "speed": Speed,
     "wheels": WheelTicks,
-    "can": CanState,
 }
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import (
-    CanState,
     DepthImage,
     Events,
     FlowImage,
@@ -132,9 +131,6 @@ STANDARD = TopicProfile(
         TopicRule(GnssFix, "*", "/{}/fix", "nav_sat_fix"),
         TopicRule(Speed, "*", "/{}", "twist"),
         TopicRule(WheelTicks, "*", "/{}/joint_states", "wheel_joints"),
-        TopicRule(CanState, "*", "/{}/frames", "can_steering"),
-        TopicRule(CanState, "*", "/{}/frames", "can_wheels"),
-        TopicRule(CanState, "*", "/{}/frames", "can_pedals"),
         TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
         TopicRule(Odometry, "*", "/ground_truth/acceleration", "acceleration"),
         TopicRule(ObjectList, "*", "/ground_truth/objects", "objects"),
@@ -201,7 +197,7 @@ COMPACT = TopicProfile(
         TopicRule(Image, "rgb_*", "/camera/{}/video", "video"),
         TopicRule(Image, "rgb_*", "/camera/{}/camera_info", "camera_info"),
         *_COMPACT_CLOUDS,
-        *(rule for rule in STANDARD.rules if rule.sample in (Imu, GnssFix, Speed, WheelTicks, CanState)),
+        *(rule for rule in STANDARD.rules if rule.sample in (Imu, GnssFix, Speed, WheelTicks)),
         TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
         TopicRule(ObjectList, "*", "/ground_truth/object_table", "object_table"),
     ),

@@ -28,7 +28,7 @@ from carlaloc_env.sensors.ranging_config import (
     LidarConfig,
     RadarConfig,
 )
-from carlaloc_env.sensors.vehicle import CanConfig, SpeedConfig, WheelsConfig
+from carlaloc_env.sensors.vehicle import SpeedConfig, WheelsConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
@@ -58,7 +58,6 @@ CONFIGS: dict[str, SensorConfig] = {
     "satellites": GnssConfig(name="satellites", model="satellites", mount=Mount(position_m=(0.7, 0, 1.5))),
     "speed": SpeedConfig(noise_mps=0.1),
     "wheels": WheelsConfig(),
-    "can": CanConfig(),
 }
 RIG = SensorRig(sensors=tuple(CONFIGS.values()))
 

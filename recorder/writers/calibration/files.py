@@ -13,7 +13,6 @@ from carlaloc_env.core.array_types import GRAVITY_MPS2, Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.samples import GnssFix, Image, Imu, PointCloud
-from recorder.writers import rig_calibration
 from recorder.writers.base import write_text
 from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, RigCalibration, filled
 from recorder.writers.topics import TopicProfile, profile_by_name
@@ -85,8 +84,8 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
     ``extrinsics.yaml`` always. An IMU, with cameras: Kalibr's files and, where it has a model for their
     lenses, Basalt's. Two cameras in two places: ORB-SLAM3's and VINS-Fusion's, with an IMU as well their
     inertial ones, OpenVINS's and S-MSCKF's. A LiDAR: KISS-ICP's and, of 16, 32 or 64 beams, A-LOAM's; with an
-    IMU FAST-LIO2's, LIO-SAM's, RKO-LIO's and, of several beams, LeGO-LOAM's with notes. A CAN bus:
-    ``can.dbc``. Systems of ROS 1 get launch files.
+    IMU FAST-LIO2's, LIO-SAM's, RKO-LIO's and, of several beams, LeGO-LOAM's with notes. Systems of
+    ROS 1 get launch files.
 
     Args:
         folder: Where the files go.
@@ -150,7 +149,6 @@ def _file_names(rig: RigCalibration) -> list[str]:
         (lidar and imu, "rko_lio.yaml"),
         (lego, "lego_loam.launch"),
         (lego, "lego_loam.md"),
-        ("can" in rig.frames, "can.dbc"),
     )
     return [name for fits, name in files if fits]
 
@@ -175,7 +173,6 @@ def _values(rig: RigCalibration, topics: TopicProfile) -> dict[str, Any]:
         "base_frame": BASE_FRAME,
         "inertial": False,
         "gravity_mps2": GRAVITY_MPS2,
-        "can_frames": rig_calibration.FRAMES,
         "image_topic": lambda camera: topics.topic(Image, camera.stream),
         "gnss_topic": topics.topic(GnssFix, "gnss"),
     }

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.samples import (
-    CanState,
     GnssFix,
     Image,
     Imu,
@@ -44,7 +43,7 @@ from recorder.writers.base import (
     write_text,
 )
 
-TABLES = (Imu, GnssFix, Speed, WheelTicks, CanState, Odometry)
+TABLES = (Imu, GnssFix, Speed, WheelTicks, Odometry)
 """Samples that are rows of a table."""
 _PLY = {"<f8": "double", "<f4": "float", "<i4": "int", "<u2": "uint16", "|u1": "uchar"}
 """Names of types, among those that Open3D reads."""

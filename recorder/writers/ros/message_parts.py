@@ -28,7 +28,6 @@ _DEFINED = (
     "derived_object_msgs/ObjectArray",
     "radar_msgs/RadarReturn",
     "radar_msgs/RadarScan",
-    "can_msgs/Frame",
     "foxglove_msgs/CompressedVideo",
     "foxglove_msgs/CompressedPointCloud",
     "dvs_msgs/Event",

@@ -1,6 +1,6 @@
 """ROS messages of samples: a function per kind, for ROS 1 and ROS 2 alike.
 
-ROS messages of how the car and others move: inertial, satellite, wheels, CAN, truth.
+ROS messages of how the car and others move: inertial, satellite, wheels, truth.
 """
 
 from collections.abc import Callable
@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core import transforms
-from carlaloc_env.samples import CanState, GnssFix, Imu, ObjectList, Odometry, Sample, Speed, WheelTicks
+from carlaloc_env.samples import GnssFix, Imu, ObjectList, Odometry, Sample, Speed, WheelTicks
 from carlaloc_env.scene.materials import Tag
 from carlaloc_env.timeline.vehicle_track import WHEELS
-from recorder.writers import rig_calibration
 from recorder.writers.base import grey
 from recorder.writers.ros import sensor_messages
 from recorder.writers.ros.message_parts import Message, MessageParts
@@ -80,25 +79,6 @@ def wheel_joints(maker: MessageParts, header: Message, sample: WheelTicks) -> Me
         velocity=sample.rate_radps,
         effort=np.zeros(0),
     )
-
-
-def can_frame(frame: str) -> Callable[[MessageParts, Message, Any], Message]:
-    """Function that makes a kind of CAN frame."""
-
-    def make(maker: MessageParts, header: Message, sample: CanState) -> Message:
-        identifier, data = rig_calibration.encode(frame, sample)
-        return maker.new(
-            "can_msgs/Frame",
-            header=header,
-            id=identifier,
-            is_rtr=False,
-            is_extended=False,
-            is_error=False,
-            dlc=len(data),
-            data=np.frombuffer(data.ljust(8, b"\0"), dtype=np.uint8),
-        )
-
-    return make
 
 
 def objects(maker: MessageParts, header: Message, sample: ObjectList) -> Message:
@@ -194,9 +174,6 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]]
     "nav_sat_fix": ("sensor_msgs/msg/NavSatFix", nav_sat_fix),
     "twist": ("geometry_msgs/msg/TwistStamped", twist),
     "wheel_joints": ("sensor_msgs/msg/JointState", wheel_joints),
-    "can_steering": ("can_msgs/msg/Frame", can_frame("STEERING_AND_SPEED")),
-    "can_wheels": ("can_msgs/msg/Frame", can_frame("WHEEL_SPEEDS")),
-    "can_pedals": ("can_msgs/msg/Frame", can_frame("PEDALS")),
     "objects": ("derived_object_msgs/msg/ObjectArray", objects),
     "object_table": ("sensor_msgs/msg/PointCloud", sensor_messages.object_table),
     "image_instances": (

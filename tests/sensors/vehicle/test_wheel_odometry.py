@@ -1,6 +1,5 @@
-"""Wheel encoders and CAN signals of the real physics: rolling, bends, slip, steps of the bus."""
+"""Wheel encoders with the real physics: rolling, bends, slip."""
 
-import dataclasses
 import math
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -13,8 +12,8 @@ from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
-from carlaloc_env.samples import CanState, WheelTicks
-from carlaloc_env.sensors.vehicle import CanConfig, WheelsConfig
+from carlaloc_env.samples import WheelTicks
+from carlaloc_env.sensors.vehicle import WheelsConfig
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 
 WORLD: Any = SimpleNamespace(seed=3)
@@ -99,33 +98,8 @@ def test_hard_braking_slips() -> None:
 
     timeline = driven(control, 1702)
     for tick, low, high in ((1590, -0.01, 0.02), (1660, 0.02, 1.0)):
-        (can,) = read(timeline, CanConfig(), [tick * TICK_NS])
+        (wheels,) = read(timeline, WheelsConfig(ticks_per_turn=96_000), [tick * TICK_NS])
         motion = timeline.ego_motion([tick * TICK_NS])
         speed = float(np.linalg.norm(motion.velocity_world_mps))
-        slip = 1.0 - float(can.wheel_speed_mps[:2].mean()) / speed
+        slip = 1.0 - RADIUS_M * float(wheels.rate_radps[:2].mean()) / speed
         assert low < slip < high, tick
-
-
-def test_can_signals_are_the_controls_in_steps() -> None:
-    """Pedals in 1/250, steering wheel = 12 × road wheel + a constant, gear and handbrake as taken."""
-
-    def control(tick: int, speed: float) -> Controls:
-        return Controls(
-            steer=0.3 * math.sin(tick / 90), throttle=0.123, reverse=tick > 400, handbrake=tick < 100
-        )
-
-    timeline = driven(control, 802)
-    stamps = [k * 2 * TICK_NS for k in range(400)]
-    samples = read(timeline, CanConfig(), stamps)
-    assert all(isinstance(s, CanState) for s in samples)
-    assert {round(s.throttle, 6) for s in samples} == {0.124}
-    assert [s.gear for s in samples] == [-1 if 2 * k > 400 else 1 for k in range(400)]
-    assert [s.handbrake for s in samples] == [2 * k < 100 for k in range(400)]
-    wheel = np.array([s.steering_wheel_rad for s in samples])
-    off = wheel - 12.0 * timeline.car.at(stamps).road_wheel_rad
-    step = math.radians(0.1)
-    assert off.max() - off.min() <= step + 1e-9
-    assert np.abs(wheel / step - np.round(wheel / step)).max() < 1e-6
-    exact = dataclasses.replace(CanConfig(), steering_offset_deg=0.0)
-    wheel = np.array([s.steering_wheel_rad for s in read(timeline, exact, stamps)])
-    assert np.abs(wheel - 12.0 * timeline.car.at(stamps).road_wheel_rad).max() <= 0.5 * step + 1e-9

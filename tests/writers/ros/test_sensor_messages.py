@@ -1,6 +1,5 @@
 """Messages beyond camera, LiDAR, IMU and GNSS: official definitions, values and units, ROS 1 and ROS 2."""
 
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -9,15 +8,13 @@ import pytest
 from rosbags.typesys import Stores
 from shared_fixtures.readings.bag_samples import imu, truth, two_objects
 
-from carlaloc_env.samples import CanState, GnssFix, RadarScan, Sample, SemanticImage, WheelTicks
-from recorder.writers.rig_calibration import FRAMES, filled
+from carlaloc_env.samples import GnssFix, RadarScan, Sample, SemanticImage, WheelTicks
 from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
 from recorder.writers.topics import PROFILES, STANDARD
 
 OFFICIAL_MD5 = {
     "radar_msgs/msg/RadarScan": "6dfacef1e665538dbd8e159d5ce7a97a",
-    "can_msgs/msg/Frame": "64ae5cebf967dc6aae4e78f5683a5b25",
     "sensor_msgs/msg/JointState": "3066dcd76a6cfaef579bd0f34173e9fd",
 }
 STORES = (Stores.ROS1_NOETIC, Stores.ROS2_HUMBLE)
@@ -108,38 +105,6 @@ def test_wheels_are_joints(store: Stores) -> None:
     assert message.name[0] == "wheel_front_left"
     assert message.position == pytest.approx(np.pi * np.array([2.0, 1.0, -0.5, 0.0]))
     assert message.velocity.tolist() == [1.0, 2.0, 3.0, 4.0]
-
-
-def can_state() -> CanState:
-    return CanState(
-        sensor="can", frame_id="can", stamp_ns=0, steering_wheel_rad=np.radians(-123.4), speed_mps=-2.57,
-        wheel_speed_mps=np.array([1.0, 2.0, -3.01, 4.5]), throttle=0.124, brake=1.0, gear=-1, handbrake=True,
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("store", STORES, ids=str)
-def test_can_frames_decode_by_their_dbc(store: Stores) -> None:
-    """Bits read as the DBC file says give back the sample's values; every line of it is used."""
-    text = filled("can.dbc", can_frames=FRAMES)
-    frames = {
-        int(m[1]): (m[2], int(m[3])) for m in re.finditer(r"^BO_ (\d+) (\w+): (\d+) CAR$", text, re.MULTILINE)
-    }
-    found = {}
-    for encoder in ("can_steering", "can_wheels", "can_pedals"):
-        message = round_trip(store, encoder, can_state())
-        name, size = frames[message.id]
-        assert message.dlc == size
-        block = text[text.index(f" {name}:") :].split("BO_")[0]
-        for signal, start, factor in re.findall(r"SG_ (\w+) : (\d+)\|16@1- \(([\d.]+),0\)", block):
-            raw = int.from_bytes(
-                bytes(message.data)[int(start) // 8 : int(start) // 8 + 2], "little", signed=True
-            )
-            found[signal] = raw * float(factor)
-    assert found == pytest.approx(
-        {"SteeringWheelAngle": -123.4, "Speed": -2.57, "Gear": -1.0, "Handbrake": 1.0, "FrontLeft": 1.0,
-         "FrontRight": 2.0, "RearLeft": -3.01, "RearRight": 4.5, "Throttle": 12.4, "Brake": 100.0}
-    )  # fmt: skip
-    assert sum(len(signals) for _, signals in FRAMES.values()) == len(found)
 
 
 @pytest.mark.parametrize("store", STORES, ids=str)
