@@ -23,7 +23,8 @@ from carlaloc_env.map.routing.route import Route
 from carlaloc_env.map.sources import known_towns
 from carlaloc_env.raycast import Hits
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.lidar.lidar import ScanPattern
 from carlaloc_env.sensors.ranging_config import LidarConfig

@@ -11,7 +11,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalState

@@ -10,8 +10,8 @@ from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.freed_memory import give_back_freed_memory, give_back_mapped_pages
 from carlaloc_env.core.geodesy import GeoReference
-from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.schedule import Weather
 

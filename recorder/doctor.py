@@ -19,8 +19,9 @@ from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.core.files.array_cache import cache_bound_bytes, cache_files, default_cache_dir
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import weather_by_name
 
 

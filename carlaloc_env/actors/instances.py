@@ -20,8 +20,9 @@ from carlaloc_env.actors.articulation import (
 from carlaloc_env.assets.catalog import EGO_TINT, plate_of
 from carlaloc_env.assets.vehicles.wheels import wheel_pose
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import SignalLenses, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.timeline import (
     LIGHT_BRAKE,
     LIGHT_LEFT,

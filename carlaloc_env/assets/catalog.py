@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from carlaloc_env.assets.texture_atlas import Rect
-from carlaloc_env.scene.materials import MATERIALS, Material, Tag
+from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import Colour
+from carlaloc_env.scene.semantic_tags import Tag
 
 Tints = tuple[tuple[Colour, float], ...]
 """Linear tints with their fractions of a fleet."""

@@ -24,8 +24,9 @@ from carlaloc_env.assets.walkers.gait import posture, standing
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.files.array_cache import cached
 from carlaloc_env.core.files.array_files import Arrays
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary, meshes_from_arrays, meshes_to_arrays
+from carlaloc_env.scene.semantic_tags import Tag
 
 _OTHERS: dict[str, Callable[[], VehicleParts]] = {
     "lorry": truck,

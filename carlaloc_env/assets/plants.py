@@ -15,8 +15,9 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import stream
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 LeafTint = tuple[int, int, int]
 """LeafTint relative to a green leaf; parts of yellow and red leaves may exceed 255."""

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.primitives import Look, box, disc, extrude, lathe, placed, pose, rings, tube
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 POST = Look(Material.METAL_GALVANISED, Tag.POLE)
 """Zinc-coated posts of signs and lights."""

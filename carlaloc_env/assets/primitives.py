@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply, cross
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import WHITE, Colour, Mesh, face_vectors, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 def crease(mesh: Mesh, crease_deg: float) -> Mesh:

@@ -21,8 +21,9 @@ from carlaloc_env.assets.primitives import Look, box, circle, panel, placed, qua
 from carlaloc_env.assets.texture_atlas import STREET_NAMES, SignCell, atlas_uv, cell_corners, street_name_uv
 from carlaloc_env.core import elementary
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 _FACE = Look(Material.SIGN, Tag.TRAFFIC_SIGN)
 SIGN_BACK = Look(Material.METAL_GALVANISED, Tag.TRAFFIC_SIGN, (200, 200, 200))

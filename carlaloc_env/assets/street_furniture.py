@@ -17,8 +17,9 @@ from carlaloc_env.assets.primitives import (
 )
 from carlaloc_env.assets.texture_atlas import PosterCell, atlas_uv, cell_corners
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 _STATIC = Tag.STATIC
 _STEEL = Look(Material.METAL_GALVANISED, _STATIC)

@@ -29,8 +29,9 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import stream
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, face_vectors, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

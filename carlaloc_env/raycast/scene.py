@@ -19,8 +19,8 @@ from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.raycast.culling import Cylinders, candidates
 from carlaloc_env.raycast.surface import Hits, Surface, import_open3d
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorFrame, Snapshot, Timeline
 
 Floats = Array | F32

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 
 Colour = tuple[int, int, int]
 """Linear red, green and blue, 0 to 255 each."""

@@ -15,8 +15,9 @@ import shapely
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import lot_boxes
 from carlaloc_env.scenery.buildings.skyline import add_skyline
 from carlaloc_env.scenery.ground.ground_plan import Groundwork, lay_groundwork

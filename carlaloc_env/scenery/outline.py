@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.files.array_files import Arrays
-from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.signal_lenses import SignalLenses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from carlaloc_env.raycast import RayScene
     from carlaloc_env.render.renderer import SceneRenderer
     from carlaloc_env.road.road_profile import RoughTable
-    from carlaloc_env.scene.materials import SignalLenses
     from carlaloc_env.scene.mesh import ModelLibrary
+    from carlaloc_env.scene.signal_lenses import SignalLenses
     from carlaloc_env.weather.parameters import WeatherParameters
     from carlaloc_env.weather.schedule import Weather
 

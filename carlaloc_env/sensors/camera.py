@@ -22,7 +22,7 @@ from carlaloc_env.samples import (
     Sample,
     SemanticImage,
 )
-from carlaloc_env.scene.materials import Tag, tags_in
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Camera, World
 from carlaloc_env.sensors.camera_config import (
     OUTPUTS,
@@ -180,7 +180,6 @@ class CameraSensor(Camera):
             samples.append(DepthImage(depth_m=depth_m, **self._labels("depth", stamp_ns)))
         if "semantic" in outputs:
             tag, instance = draw(stamp_ns)[0].labels if rolled is None else rolled[1:]
-            tag = tags_in(self.config.tag_table, tag)
             samples.append(SemanticImage(tag=tag, instance=instance, **self._labels("semantic", stamp_ns)))
         if "flow" in outputs:
             frame, now = draw(stamp_ns)

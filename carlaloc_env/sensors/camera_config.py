@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.clock import TICK_NS, Schedule
-from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.scene.materials import TAG_TABLES
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.sensors.base import Mount, SensorConfig
 
 
@@ -197,8 +196,6 @@ class CameraConfig(SensorConfig):
     """Streams, of `OUTPUTS`; with ``flow`` all of them come one period late in a live run."""
     events: EventConfig = field(default_factory=EventConfig)
     """Pixels of the event camera behind the same lens, if ``events`` is given; falling drops fire none."""
-    tag_table: str = TAG_TABLES[0]
-    """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
 
     def __post_init__(self) -> None:
         SensorConfig.__post_init__(self)
@@ -210,8 +207,6 @@ class CameraConfig(SensorConfig):
             raise ConfigError(f"camera '{self.name}': a shutter needs an imager, which sets its exposure")
         if not 0.0 <= self.leaf_wind_mps <= 40.0:
             raise ConfigError(f"camera '{self.name}': leaf_wind_mps must lie between 0 and 40")
-        if self.tag_table not in TAG_TABLES:
-            raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
 
     @property
     def frame_id(self) -> str:

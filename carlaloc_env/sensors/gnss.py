@@ -19,7 +19,7 @@ from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.samples import GnssFix, Sample
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.stochastic_processes import GaussMarkov, white
 from carlaloc_env.timeline.timeline import Timeline

@@ -21,7 +21,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.transforms import quat_rotate, wrap_angle
 from carlaloc_env.samples import ObjectList, Odometry
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:

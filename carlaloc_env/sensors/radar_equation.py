@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.ego_spline import Motion
 
 

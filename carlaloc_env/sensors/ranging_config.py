@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.scene.materials import TAG_TABLES
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.sensors.base import LIMITS, Mount, SensorConfig
 
 PAPER_ELEVATIONS_DEG: tuple[float, ...] = tuple(round(-30.0 + 40.0 * i / 31, 9) for i in range(32))
@@ -193,14 +192,10 @@ class LidarConfig(SensorConfig):
     """Echoes as a real sensor measures them; None: as CARLA does, with noise that is the same everywhere."""
     outputs: tuple[str, ...] = OUTPUTS
     """Streams: ``cloud`` (named as the sensor) and ``semantic`` (with ``_semantic`` behind)."""
-    tag_table: str = TAG_TABLES[0]
-    """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
 
     def __post_init__(self) -> None:
         SensorConfig.__post_init__(self)
         what = f"LiDAR '{self.name}'"
-        if self.tag_table not in TAG_TABLES:
-            raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
         if not self.elevations_deg or any(abs(e) > 90 for e in self.elevations_deg):
             raise ConfigError(f"{what}: elevations_deg needs angles from −90 to 90")
         if list(self.elevations_deg) != sorted(self.elevations_deg):

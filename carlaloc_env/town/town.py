@@ -15,8 +15,8 @@ from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.roads import TownRoads
 from carlaloc_env.map.routing.route import Route, plan_route
 from carlaloc_env.road.road_profile import Roughness
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.outline import TownOutline
 
 SOLID = ("collision_vertices_m", "collision_triangles", "collision_tags", "road_events")

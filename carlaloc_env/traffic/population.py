@@ -18,8 +18,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_WHEELBASE_M
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.map.config import SignalTiming
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.traffic.tables.record_arrays import fill
 from carlaloc_env.traffic.tables.vehicle_state import DriverParameters, Drivers

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core import transforms
-from carlaloc_env.scene.materials import DYNAMIC_TAGS
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from recorder import ReplayConfig, Trajectory, evaluate, read_tum
 from recorder.dataset.scans import Scan
 from recorder.laboratory.map_truth import MapJudge, MapTruthConfig, build_map, transform_of_map

@@ -21,7 +21,7 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu, PointCloud, Sample, SemanticImage
-from carlaloc_env.scene.materials import DYNAMIC_TAGS
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.readings import (
     ImuSample,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.scene.materials import DYNAMIC_TAGS
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig

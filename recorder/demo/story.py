@@ -14,7 +14,7 @@ import cv2
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.core.files.atomic_files import atomic_write
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.benchmark.results import Score

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.core.errors import ConfigError, EpisodeError, unknown_name
 from carlaloc_env.core.transforms import quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorFrame
 from recorder.episode.episode import EgoRow, Episode, EpisodeHeader, EpisodeWriter, Event
 from recorder.episode.messages import actor_frames

@@ -22,7 +22,7 @@ from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.errors import ConfigError, EpisodeError, MapError, is_name, unknown_name
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.map.sources import TownId, find_town, identify_town, known_towns
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from recorder.episode.episode import Episode
 from recorder.episode.messages import VIOLATIONS, actor_states

@@ -14,7 +14,7 @@ from carlaloc_env.core.array_types import U8, Array, Mask
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.raycast.scene import into_actor_frame
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.laboratory.surface_cloud import SurfaceCloud
 

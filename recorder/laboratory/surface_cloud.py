@@ -18,8 +18,8 @@ from carlaloc_env.core.clock import stream
 from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.raycast.surface import import_open3d
-from carlaloc_env.scene.materials import colourise
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import colourise
 from recorder.writers.formats.raw import ply_bytes
 
 _BLOCK = 1 << 20

@@ -13,7 +13,7 @@ from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
-from carlaloc_env.scene.materials import DYNAMIC_TAGS, colourise
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS, colourise
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline

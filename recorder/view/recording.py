@@ -24,7 +24,7 @@ from carlaloc_env.core.errors import DeviceError, MissingDependencyError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.core.transforms import matrix_to_quat, quat_rotate, rpy_to_quat
-from carlaloc_env.scene.materials import PALETTE_RGB, Tag
+from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
 from recorder.episode.episode import Episode

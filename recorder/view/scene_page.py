@@ -24,8 +24,8 @@ from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.map.sources import known_towns
 from carlaloc_env.render.textures.build import build_textures
-from carlaloc_env.scene.materials import PALETTE_RGB, Tag
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town

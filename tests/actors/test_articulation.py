@@ -12,8 +12,9 @@ from carlaloc_env.assets.vehicles.cycles import CRANK_TRAVEL_M, PEDAL_PHASES
 from carlaloc_env.assets.walkers.gait import FOOT_M, SHANK, THIGH, Joints, pedal_at, push_pedals
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_REVERSE, ActorCatalog, ActorFrame, ego_lights
 from carlaloc_env.timeline.vehicle_track import CarTrack
 

@@ -7,8 +7,8 @@ from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.transforms import from_rotation
-from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE, Snapshot
 
 ACTOR = EGO_INSTANCE + 7

@@ -10,8 +10,9 @@ from shared_fixtures.worlds.scenes import Scenery
 from carlaloc_env.actors.instances import ground_poses, place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.assets.catalog import GAIT_PHASES, VEHICLES, WALKERS
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.scene.materials import SignalLenses, Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_LEFT, ActorCatalog, ActorFrame
 
 

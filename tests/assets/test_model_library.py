@@ -9,8 +9,9 @@ import pytest
 from carlaloc_env.assets import model_library
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.assets.model_library import build_library
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary, make_mesh, meshes_from_arrays, meshes_to_arrays
+from carlaloc_env.scene.semantic_tags import Tag
 
 FIELDS = ("vertices_m", "triangles", "normals", "uv_m", "colour", "material", "tag", "instance")
 

@@ -15,8 +15,9 @@ from carlaloc_env.assets.signs import SIGNS, sign
 from carlaloc_env.assets.texture_atlas import atlas_uv, street_name_uv
 from carlaloc_env.assets.trees import FORMS, tree
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 PLAIN = Look(Material.PLAIN, Tag.STATIC)
 PROPS = (

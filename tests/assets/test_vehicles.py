@@ -8,8 +8,9 @@ from carlaloc_env.assets.catalog import PLATES, VEHICLES, plate_of, plate_text, 
 from carlaloc_env.assets.vehicles.body import loft_body
 from carlaloc_env.assets.vehicles.car_models import CARS
 from carlaloc_env.core.ego import EGO_SIZE_M
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 @pytest.mark.parametrize("name", VEHICLES)

@@ -14,8 +14,8 @@ from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import ObjectList, PointCloud, SemanticImage
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig
 

@@ -13,7 +13,7 @@ from carlaloc_env.envs.task import agent_views
 from carlaloc_env.envs.task.agent_views import AHEAD_M, CHANNELS, PX_M, SIZE_PX, BirdsEyeView
 from carlaloc_env.envs.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, corner_speeds, state_names
 from carlaloc_env.envs.task.task_world import Ego, first_in_path
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.traffic.signals import SignalState
 
 GO = np.array([0.0, 0.45], np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import ConfigError, EpisodeError
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.cli.main import main
 from recorder.drive.record import RecordConfig, record
 from recorder.drive.resimulate import change_traffic

@@ -11,8 +11,9 @@ from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import ConfigError, EvaluationError, OutputError
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.ranging_config import LidarConfig
 from recorder.dataset.scans import Scan

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.array_types import F32, Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 from carlaloc_env.raycast import Hits

@@ -13,8 +13,9 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import RaycastError
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 raycast = pytest.importorskip("carlaloc_env.raycast")

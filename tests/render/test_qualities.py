@@ -21,8 +21,9 @@ from carlaloc_env.core import transforms
 from carlaloc_env.render.lighting import night_lighting
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, sky_light
 from carlaloc_env.render.views import QUALITIES
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
 need_opengl()

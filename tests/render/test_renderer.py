@@ -11,8 +11,9 @@ from carlaloc_env.render.geometry.level_of_detail import coarse
 from carlaloc_env.render.geometry.packed_meshes import lit_windows
 from carlaloc_env.render.gl_context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
 need_opengl()

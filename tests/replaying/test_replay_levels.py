@@ -8,7 +8,7 @@ import yaml
 from rosbags.highlevel import AnyReader
 from shared_fixtures.worlds.small_towns import KERBSIDE, straight_road
 
-from carlaloc_env.scene.materials import DYNAMIC_TAGS, Tag
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS, Tag
 from recorder.drive.record import RecordConfig, record
 from recorder.replaying.replay import ReplayConfig, replay
 

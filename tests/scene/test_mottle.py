@@ -10,7 +10,7 @@ from shared_fixtures.worlds.render_scenes import need_opengl, scene
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.scene.materials import Material, Tag, material_values
+from carlaloc_env.scene.materials import Material, material_values
 from carlaloc_env.scene.mesh import Instances, make_mesh
 from carlaloc_env.scene.mottle import (
     CYCLES_PER_M,
@@ -24,6 +24,7 @@ from carlaloc_env.scene.mottle import (
     tone_at,
     value_noise,
 )
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import WeatherParameters
 
 

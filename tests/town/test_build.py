@@ -11,7 +11,7 @@ from shared_fixtures.worlds.maps import VILLAGE
 from carlaloc_env.core.errors import MapError, OutputError
 from carlaloc_env.core.files.array_files import arrays_hash, load, save
 from carlaloc_env.map.sources import find_town, identify_town
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import kept_town_hash, load_town
 from carlaloc_env.town.town import Town, town_hash
 

@@ -6,8 +6,9 @@ import shapely
 
 from carlaloc_env.assets.trees import FORMS
 from carlaloc_env.core.transforms import apply
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.styles import STYLES, ZONE_STYLES
 from carlaloc_env.scenery.ground.lane_strips import road_strips
 from carlaloc_env.scenery.ground.paved_areas import TownAreas, town_areas

@@ -7,8 +7,8 @@ from shared_fixtures.worlds.small_towns import Built
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.roads import TownRoads
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.town import MOVABLE, Town, without_movables
 
 pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")

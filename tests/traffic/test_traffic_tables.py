@@ -15,7 +15,7 @@ from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.map.roads import TownRoads, build_roads
 from carlaloc_env.map.sources import find_town
-from carlaloc_env.scene.materials import SignalLenses
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.scenery.outline import TownOutline
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signals import SignalPlan

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.traffic_audit import NOBODY, on_walkable
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalState

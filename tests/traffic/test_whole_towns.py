@@ -18,7 +18,7 @@ from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.route import Route, plan_route
 from carlaloc_env.map.sources import find_town
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
 from carlaloc_env.town.build import load_town

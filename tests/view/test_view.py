@@ -20,7 +20,7 @@ from shared_fixtures.readings.slam_dataset import (
 )
 
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.timeline import ActorFrame

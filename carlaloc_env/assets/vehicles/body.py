@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike
 
 from carlaloc_env.assets.primitives import Look, crease, grid_triangles, mirrored
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 Points = tuple[tuple[float, float], ...]
 """Points (x, z) of an outline."""

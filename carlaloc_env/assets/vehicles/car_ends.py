@@ -16,8 +16,9 @@ from carlaloc_env.assets.decals import Decals
 from carlaloc_env.assets.primitives import Look, circle
 from carlaloc_env.assets.vehicles.body import plastic
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 if TYPE_CHECKING:
     from carlaloc_env.assets.vehicles.car_models import CarSpec

@@ -6,7 +6,7 @@ The properties in which car models differ.
 from dataclasses import dataclass
 
 from carlaloc_env.assets.vehicles.body import BodyShape, Points
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

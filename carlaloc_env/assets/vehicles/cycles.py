@@ -19,8 +19,9 @@ from carlaloc_env.assets.walkers.clothing import Build, by
 from carlaloc_env.assets.walkers.figure import figure
 from carlaloc_env.assets.walkers.gait import Joints, cranks, push_pedals
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 PEDAL_PHASES = 24
 """Postures in which a turn of the cranks is stored."""

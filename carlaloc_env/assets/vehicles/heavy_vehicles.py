@@ -21,8 +21,9 @@ from carlaloc_env.assets.vehicles.wheels import (
     plain_wheel,
     wheel,
 )
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 def advert(

@@ -2,8 +2,9 @@
 
 from carlaloc_env.assets.primitives import Look, box
 from carlaloc_env.core.ego import EGO_SIZE_M
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 _BAR_M, _RAIL_M, _GAP_M = (0.08, 0.03), (0.04, 0.03), 0.06
 """Widths and heights of cross bars, as of common load carriers, and of rails; space below them [m]."""

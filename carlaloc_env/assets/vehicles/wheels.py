@@ -14,8 +14,9 @@ from carlaloc_env.assets.catalog import PLATE_SIZE_M, plate_uv
 from carlaloc_env.assets.primitives import Look, circle, fan, mirrored, placed, quad, rings, surface
 from carlaloc_env.assets.texture_atlas import cell_corners
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 TYRE = (190, 190, 190)
 """Linear tint of tyres."""

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.primitives import Look, circle, ellipsoid, grid_triangles, rings, surface
 from carlaloc_env.assets.walkers.gait import BONES, Joints, Skin, shoe_sole, standing
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 Hang = tuple[str, str, float]
 """Two bones and the share of the first."""

@@ -15,8 +15,9 @@ from carlaloc_env.assets.walkers.clothing import Build, Hang, SkinBuilder, by, u
 from carlaloc_env.assets.walkers.gait import BONES, Joints, Skin
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 def add_skirt(builder: SkinBuilder) -> None:

@@ -24,7 +24,7 @@ from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig, check_memory
 from carlaloc_env.samples import Sample
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.traffic.signals import SignalState
 

@@ -13,7 +13,7 @@ from carlaloc_env.core.ego import EGO_FRONT_M
 from carlaloc_env.core.jit import compiled, same_types
 from carlaloc_env.envs.task.task_world import COLUMNS, Ego, TaskWorld, ego_of, first_in_path, put_neighbours
 from carlaloc_env.map.routing.route import Route
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.traffic.signals import SignalState
 
 ROUTE_AHEAD_M = (2.0, 4.0, 7.0, 11.0, 16.0, 22.0, 30.0, 40.0, 55.0, 75.0)

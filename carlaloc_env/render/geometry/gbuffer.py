@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.views import CameraView
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Instances
+from carlaloc_env.scene.semantic_tags import Tag
 
 _T = TypeVar("_T", np.float32, np.uint32, np.uint16)
 """Type of the samples of one texture."""

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, Array, Index
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, face_vectors, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,8 +13,9 @@ from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import Feature
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.facades import facade
 from carlaloc_env.scenery.buildings.roofs import add_roof
 from carlaloc_env.scenery.buildings.styles import STYLES, ZONE_STYLES, Style

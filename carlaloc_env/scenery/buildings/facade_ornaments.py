@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.primitives import Look, lathe
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.walls import Shell, Wall
 
 

@@ -14,8 +14,9 @@ import numpy as np
 from carlaloc_env.assets.plants import bale
 from carlaloc_env.assets.primitives import Look, lathe
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.buildings import BuildingPlan, building_mesh, draw_appearance
 from carlaloc_env.scenery.buildings.styles import STYLES
 from carlaloc_env.scenery.buildings.walls import GARAGE_DOOR, Wall, around

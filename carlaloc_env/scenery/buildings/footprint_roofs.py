@@ -10,7 +10,8 @@ import shapely
 from carlaloc_env.core import elementary
 from carlaloc_env.core.areas import Area, polygons_of
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.roofs import add_roof
 from carlaloc_env.scenery.buildings.walls import Shell
 from carlaloc_env.scenery.meshing.batches import poses

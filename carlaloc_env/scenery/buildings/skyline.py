@@ -7,8 +7,9 @@ from carlaloc_env.assets.trees import tree
 from carlaloc_env.core import clock
 from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.styles import STYLES
 from carlaloc_env.scenery.buildings.walls import around
 from carlaloc_env.scenery.ground.terrain import Terrain, Zones

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import WHITE, Colour
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.styles import Style
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, cell_uv
 

@@ -16,7 +16,8 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.areas import Area, areas_only, polygons_of
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import TownConfig
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.height_fields import EdgeField, GroundGrid
 from carlaloc_env.scenery.ground.lane_strips import Strip
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder

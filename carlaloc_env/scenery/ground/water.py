@@ -15,7 +15,8 @@ from carlaloc_env.core.areas import (
 )
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import right_of
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_graph import grown, runs
 from carlaloc_env.scenery.ground.terrain import LAP_M, Terrain, Zones
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, extrude

@@ -18,8 +18,9 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, VERTEX_FIELDS, Mesh, merge, vertex_normals
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 @dataclass(frozen=True, slots=True, eq=False)

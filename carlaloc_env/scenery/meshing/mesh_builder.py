@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.assets.texture_atlas import GRID, MARGIN
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import MATERIALS, Material, Tag
+from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import WHITE, Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.meshing.batches import Quads, Triangles, joined
 
 

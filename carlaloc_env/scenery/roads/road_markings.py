@@ -8,7 +8,8 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import interpolated
 from carlaloc_env.map.opendrive.records import Road, RoadMark
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.lane_strips import Strip
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
 

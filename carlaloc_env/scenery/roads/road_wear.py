@@ -8,7 +8,8 @@ from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.opendrive.records import Road
 from carlaloc_env.road.rough_surface import no_events
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.lane_strips import Strip
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.scenery.roads.junction_surfaces import casting_ends

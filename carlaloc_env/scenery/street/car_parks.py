@@ -10,7 +10,8 @@ from carlaloc_env.assets.signs import sign
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_levels import State, Waysides
 from carlaloc_env.scenery.ground.terrain import Terrain
 from carlaloc_env.scenery.meshing.batches import copies, poses

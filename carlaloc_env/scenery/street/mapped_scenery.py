@@ -13,7 +13,8 @@ from carlaloc_env.assets.posts_and_fences import fence
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area, areas_only, without
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.terrain import Land, Terrain
 from carlaloc_env.scenery.mapped import MappedFeature, of_kind
 from carlaloc_env.scenery.meshing.batches import PropField

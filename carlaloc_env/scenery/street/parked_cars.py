@@ -12,8 +12,9 @@ from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import distance_along, interpolated
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_levels import RoadEdge, State, Waysides
 from carlaloc_env.scenery.ground.lane_strips import Strip
 from carlaloc_env.scenery.ground.terrain import Terrain

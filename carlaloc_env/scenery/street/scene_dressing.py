@@ -20,8 +20,10 @@ from carlaloc_env.core.areas import (
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import RoadsideConfig, TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.scene.materials import Material, SignalLenses, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.scenery.ground.ground_plan import Groundwork
 from carlaloc_env.scenery.ground.terrain import Land, Raster
 from carlaloc_env.scenery.mapped import of_kind

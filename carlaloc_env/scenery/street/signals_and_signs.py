@@ -10,8 +10,8 @@ from carlaloc_env.core.transforms import apply
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.lanes.lanes import SignalHead, StaticSign
 from carlaloc_env.map.opendrive.read_roads import MPS_PER_UNIT
-from carlaloc_env.scene.materials import SignalLenses
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.scenery.ground.height_fields import HeightOf
 from carlaloc_env.scenery.meshing.batches import InstanceIds, copies, poses
 

@@ -16,8 +16,9 @@ from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area, areas_only
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import Feature, TownConfig
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import Lot, place_lots
 from carlaloc_env.scenery.buildings.buildings import DEPTH_M as DEPTH_OVER_M
 from carlaloc_env.scenery.buildings.buildings import WIDTH_M as WIDTH_OVER_M

@@ -15,7 +15,8 @@ from scipy.spatial import cKDTree
 from carlaloc_env.core import elementary
 from carlaloc_env.core.areas import Area, rings
 from carlaloc_env.core.array_types import Array, Mask
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_levels import WALL_M, Levels, State
 from carlaloc_env.scenery.ground.ground_plan import (
     DECK_M,

@@ -18,8 +18,9 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import Feature
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.height_fields import HeightOf
 from carlaloc_env.scenery.meshing.batches import copies, poses
 

@@ -18,7 +18,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import distance_along, interpolated, right_of
 from carlaloc_env.map.lanes.lanes import road_limit_mps
 from carlaloc_env.map.opendrive.records import Road
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_graph import runs
 from carlaloc_env.scenery.ground.grade_levels import RoadEdge, State, Waysides
 from carlaloc_env.scenery.ground.lane_strips import Strip

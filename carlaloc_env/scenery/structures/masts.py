@@ -18,8 +18,9 @@ from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import right_of
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_graph import runs
 from carlaloc_env.scenery.ground.grade_levels import WALL_M, RoadEdge, State, Waysides, rows_every
 from carlaloc_env.scenery.ground.terrain import Terrain

@@ -10,7 +10,8 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.polylines import interpolated
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_graph import grown, runs
 from carlaloc_env.scenery.ground.grade_levels import ROOF_M, WALL_M, Levels, Stretch, rows_every
 from carlaloc_env.scenery.meshing.collision_mesh import posts

@@ -17,8 +17,9 @@ from carlaloc_env.core.areas import (
     rings,
 )
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.terrain import Land
 from carlaloc_env.scenery.meshing.batches import PropField
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, extrude

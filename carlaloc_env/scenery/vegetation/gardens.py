@@ -12,8 +12,9 @@ from carlaloc_env.assets.plants import picket_panel, shrub
 from carlaloc_env.assets.posts_and_fences import fence
 from carlaloc_env.assets.primitives import Look, box
 from carlaloc_env.core import clock, elementary
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import Lot
 from carlaloc_env.scenery.ground.terrain import Land
 from carlaloc_env.scenery.meshing.batches import PropField

@@ -8,7 +8,8 @@ from carlaloc_env.assets.signs import billboard
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import densify
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import frontages
 from carlaloc_env.scenery.ground.terrain import Land
 from carlaloc_env.scenery.meshing.batches import PropField

@@ -24,8 +24,8 @@ from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.camera_model import MODELS, Lens, Pinhole
 from carlaloc_env.core.cores import over_bands
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import Snapshot
 
 SKY_M = 1e6

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Cylinders, candidates, into_actor_frame
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.ground_truth import boxes_at
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import MOR_CONTRAST, WeatherParameters

@@ -25,7 +25,6 @@ from carlaloc_env.core import clock, elementary, transforms
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
-from carlaloc_env.scene.materials import tags_in
 from carlaloc_env.sensors.base import Sensor, World
 from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at, spray_ranges
 from carlaloc_env.sensors.lidar.beams import on_edges, part_beams, sub_rays, weigh
@@ -324,7 +323,7 @@ class LidarSensor(Sensor):
                     ring=points.ring,
                     offset_ns=points.offset_ns,
                     sweep_ns=config.sweep_ns,
-                    tag=tags_in(config.tag_table, points.tag) if labelled else None,
+                    tag=points.tag if labelled else None,
                     instance=points.instance if labelled else None,
                     cos_incidence=points.cos_incidence if labelled else None,
                 )

@@ -21,7 +21,8 @@ from carlaloc_env.core.jit import compiled
 from carlaloc_env.raycast import Hits
 from carlaloc_env.road.road_profile import RoughTable, level_at
 from carlaloc_env.road.rough_surface import class_level, wave_height
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS
 from carlaloc_env.sensors.lidar.reflection import (
     GRAIN_M,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError
-from carlaloc_env.scene.materials import DYNAMIC_TAGS
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from recorder.dataset.sequence import SEGMENTED, SlamSequence
 from recorder.slam.keeper import kept
 from recorder.slam.runners.command import filled, poses_in, program_path

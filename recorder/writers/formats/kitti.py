@@ -24,7 +24,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, PointCloud, Sample
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, png_of
 from recorder.writers.formats.ego_path import POSE, EgoPath, is_pose, pose_piece
 from recorder.writers.rig_calibration import RigCalibration

@@ -13,7 +13,7 @@ from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.samples import ObjectList
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.base import Piece
 
 if TYPE_CHECKING:

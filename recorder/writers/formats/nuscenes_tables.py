@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import matrix_to_quat
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.formats.nuscenes_boxes import PARKED_ID
 
 VERSION = "v1.0-trainval"

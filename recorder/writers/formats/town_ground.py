@@ -8,7 +8,7 @@ import numpy as np
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.outline import TownOutline
 from carlaloc_env.town.town import Town
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from carlaloc_env.core import transforms
 from carlaloc_env.samples import GnssFix, Imu, ObjectList, Odometry, Sample, Speed, WheelTicks
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.vehicle_track import WHEELS
 from recorder.writers.base import grey
 from recorder.writers.ros import sensor_messages

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Events, Image, ObjectList, PointCloud, RadarScan, SemanticImage
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.base import png_of
 from recorder.writers.ros.message_parts import Message, MessageParts
 

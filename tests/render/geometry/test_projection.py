@@ -21,8 +21,9 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.views import CameraView
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 need_opengl()
 

@@ -10,8 +10,9 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, Distant, coarse, levels
 from carlaloc_env.render.geometry.static_scene import _cells
 from carlaloc_env.render.lighting import shadow_maps
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, concatenate_instances, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
 SMALL = Pinhole.from_fov(84, 84, 90.0)

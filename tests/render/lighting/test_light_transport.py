@@ -22,8 +22,9 @@ from shared_fixtures.worlds.render_scenes import (
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.lighting.light_sources import LAMP_CD, LAMP_COLOUR
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 need_opengl()

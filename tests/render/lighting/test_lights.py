@@ -30,8 +30,9 @@ from carlaloc_env.render.lighting.light_sources import (
 from carlaloc_env.render.lighting.light_tiles import TILE_PX, DepthRange
 from carlaloc_env.render.lighting.night_lighting import LOOPS, Fog, light_grid
 from carlaloc_env.render.views import CameraView
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 need_opengl()

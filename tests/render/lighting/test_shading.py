@@ -10,8 +10,9 @@ from carlaloc_env.render.gl_context import create_context
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.lighting.uniforms import Skies
 from carlaloc_env.render.rain_layer import developed
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
 need_opengl()

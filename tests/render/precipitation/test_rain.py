@@ -24,8 +24,9 @@ from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.rain_drops import NEAR_M, SIZES_MM, Streaks, lit, rain_streaks, terminal_mps
 from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.views import CameraView
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.imaging.frame import with_lens_drops
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 

@@ -8,8 +8,9 @@ from shared_fixtures.worlds.render_scenes import need_opengl, scene
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.textures.build import build_textures
-from carlaloc_env.scene.materials import MATERIALS, Material, Tag
+from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import Instances, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import WeatherParameters
 
 need_opengl()

@@ -9,8 +9,9 @@ from shared_fixtures.worlds.render_scenes import FORWARD, need_opengl, scene, wa
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
 from carlaloc_env.render.textures.build import build_textures
-from carlaloc_env.scene.materials import MATERIALS, Material, Tag
+from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import Instances
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
 need_opengl()

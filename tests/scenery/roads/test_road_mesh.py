@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.lanes.lanes import Lane
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_separation import find_levels
 from carlaloc_env.scenery.ground.lane_strips import road_strips
 from carlaloc_env.scenery.ground.terrain import Zones

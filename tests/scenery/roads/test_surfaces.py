@@ -9,7 +9,8 @@ from shared_fixtures.worlds.small_towns import STREET, build_small, cast, straig
 from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.core.areas import strip_polygon
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.lane_strips import Strip, road_strips
 from carlaloc_env.scenery.roads.surfaces import gore_bars
 

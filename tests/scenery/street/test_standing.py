@@ -8,8 +8,9 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.map.sources import known_towns
-from carlaloc_env.scene.materials import LEGACY_PALETTE_RGB, Material, Tag, tags_in
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import place_lots
 from carlaloc_env.scenery.ground.lane_strips import road_strips
 from carlaloc_env.scenery.ground.paved_areas import town_areas
@@ -169,15 +170,12 @@ def test_houses_as_they_stand_differ_from_the_next(name: str) -> None:
 
 @pytest.mark.soak
 def test_all_tags_that_apply_occur_over_the_towns() -> None:
-    """CARLA's tags besides nothing, the sky that no mesh has, and trains; and so in the older table."""
+    """CARLA's tags besides nothing, the sky that no mesh has, and trains."""
     found = {int(tag) for mesh in build_library().meshes for tag in np.unique(mesh.tag)}
     for name in known_towns():
         found |= {int(tag) for chunk in load_town(name).chunks for tag in np.unique(chunk.tag)}
     missing = {Tag.UNLABELED, Tag.SKY, Tag.TRAIN}
     assert set(Tag) - {Tag(tag) for tag in found} == missing
-    older = tags_in("0.9.13", np.array(sorted(found), dtype=np.uint8))
-    # 0 is nothing, 13 the sky.
-    assert set(range(len(LEGACY_PALETTE_RGB))) - set(older.tolist()) == {0, 13}
 
 
 def test_raster_distances_never_exceed_the_true_ones() -> None:

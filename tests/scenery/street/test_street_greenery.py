@@ -11,8 +11,9 @@ from carlaloc_env.core.areas import strip_polygon
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.sources import identify_town
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import Lot
 from carlaloc_env.scenery.ground.ground_plan import Groundwork, lay_groundwork
 from carlaloc_env.scenery.ground.terrain import Land, Raster

@@ -6,8 +6,9 @@ import shapely
 from shared_fixtures.worlds.small_towns import Built, cast
 
 from carlaloc_env.map.sources import known_towns
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.lane_strips import road_strips
 from carlaloc_env.scenery.ground.paved_areas import lane_area
 from carlaloc_env.town.build import load_town

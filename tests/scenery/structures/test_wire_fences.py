@@ -7,8 +7,8 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_levels import RoadEdge, State, Waysides
 from carlaloc_env.scenery.ground.height_fields import EdgeField, GroundGrid
 from carlaloc_env.scenery.ground.terrain import Terrain, Zones

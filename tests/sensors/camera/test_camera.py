@@ -15,8 +15,10 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.samples import DepthImage, Image, SemanticImage
-from carlaloc_env.scene.materials import TO_LEGACY, Material, SignalLenses, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraSensor
 from carlaloc_env.sensors.camera_config import CameraConfig
@@ -165,15 +167,3 @@ def test_order_of_stamps_changes_no_byte(world: SmallWorld, drive: Timeline) -> 
     backwards = {s.stamp_ns: s for s in sensor.measure(drive, stamps[::-1]) if isinstance(s, Image)}
     for stamp in stamps:
         np.testing.assert_array_equal(forwards[stamp].rgb, backwards[stamp].rgb)
-
-
-def test_tags_come_in_the_older_table_when_asked(world: SmallWorld, drive: Timeline) -> None:
-    """The same picture in both tables, pixel by pixel."""
-    new, old = (
-        camera(world, outputs=("semantic",), tag_table=table).measure(drive, [0])[0]
-        for table in ("0.9.14", "0.9.13")
-    )
-    assert len(np.unique(new.tag)) > 2  # type: ignore[attr-defined]
-    np.testing.assert_array_equal(TO_LEGACY[new.tag], old.tag)  # type: ignore[attr-defined]
-    with pytest.raises(ConfigError, match="no tag table"):
-        CameraConfig(tag_table="0.9.15")

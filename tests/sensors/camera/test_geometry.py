@@ -12,8 +12,8 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Lens, Pinhole
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline

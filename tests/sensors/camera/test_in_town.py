@@ -14,7 +14,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig, EventConfig

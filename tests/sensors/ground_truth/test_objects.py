@@ -9,8 +9,8 @@ import pytest
 
 from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.samples import PointCloud
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.ground_truth import objects_at, truth_at
 

@@ -11,8 +11,9 @@ from shared_fixtures.readings.lidar_scans import HDL32E, HEIGHT, paper, sweep
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import PointCloud
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 

@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import brentq
 from shared_fixtures.readings.lidar_weather import POWER_MIN, model, ranges, semantic
 
-from carlaloc_env.scene.materials import MATERIALS, Material, Tag
+from carlaloc_env.scene.materials import MATERIALS, Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.lidar.atmosphere import (
     BACKSCATTER_PER_MOR,
     FOCUS_M,

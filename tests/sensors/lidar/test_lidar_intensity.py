@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.lidar_scans import HEIGHT, paper, sweep
 
-from carlaloc_env.scene.materials import MATERIALS, Material, Tag
+from carlaloc_env.scene.materials import MATERIALS, Material
+from carlaloc_env.scene.semantic_tags import Tag
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 

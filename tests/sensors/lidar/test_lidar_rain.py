@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 from shared_fixtures.readings.lidar_weather import HEIGHT, POWER_MIN, model, ranges, semantic
 
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.lidar.atmosphere import (
     WATER_REFLECTANCE,
     Atmosphere,

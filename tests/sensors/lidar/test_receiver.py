@@ -12,8 +12,9 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.road.road_profile import LevelGrid, Roughness
 from carlaloc_env.samples import PointCloud
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.lidar import reflection
 from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig

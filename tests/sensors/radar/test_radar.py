@@ -10,8 +10,9 @@ from shared_fixtures.readings.radar_scans import HEIGHT, STEP, config, frames
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.radar import CLUTTER, GHOST, THING
 

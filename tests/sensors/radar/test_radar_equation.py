@@ -9,7 +9,7 @@ import pytest
 from shared_fixtures.readings.radar_scans import STEP, config, frames
 
 from carlaloc_env.samples import RadarScan
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.radar_equation import (
     RadarEchoes,

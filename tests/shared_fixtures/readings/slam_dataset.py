@@ -11,7 +11,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu, PointCloud
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig

@@ -10,8 +10,9 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.gl_context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import WeatherParameters
 
 CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)

@@ -13,8 +13,10 @@ from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.road.road_profile import RoughTable
-from carlaloc_env.scene.materials import Material, SignalLenses, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline, empty_catalog, empty_frame
 from carlaloc_env.weather.parameters import PRESETS

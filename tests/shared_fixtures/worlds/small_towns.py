@@ -12,8 +12,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.construction import build_scenery
 from carlaloc_env.scenery.ground.lane_strips import road_strips
 from carlaloc_env.scenery.outline import TownScenery

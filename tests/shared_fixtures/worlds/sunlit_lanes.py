@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import transform
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.scene.materials import Tag
 from carlaloc_env.scene.mesh import Instances, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.town.town import Town

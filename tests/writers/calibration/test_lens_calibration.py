@@ -15,8 +15,9 @@ from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imaging.frame import Frame, Optics

@@ -14,7 +14,7 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.samples import Image, SemanticImage
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.dataset.layout import SequenceFolder
 from recorder.replaying.replay import replay
 from recorder.verification.verify import verify

@@ -11,7 +11,7 @@ from shared_fixtures.readings.bag_samples import PINHOLE, cloud_of, rig, truth, 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, Sample
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter, semantic_kitti_labels
 from recorder.writers.rig_calibration import RigCalibration
 

@@ -16,7 +16,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, RadarScan, Sample
-from carlaloc_env.scene.materials import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import load_town
 from recorder.drive.record import RecordConfig, record
 from recorder.replaying.replay import replay

@@ -11,8 +11,9 @@ from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.occlusion_culling import Depths
 from carlaloc_env.render.geometry.triangle_culling import STILL, Body, TriangleCuller
 from carlaloc_env.render.views import NEAR_M, CameraView
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import PRESETS
 
 TURN = transforms.quat_to_matrix(transforms.rpy_to_quat(0.1, -0.2, 1.0))

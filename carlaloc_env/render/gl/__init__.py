@@ -1,1 +1,0 @@
-"""The OpenGL context, and how uniforms reach shaders."""

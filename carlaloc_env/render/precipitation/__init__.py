@@ -1,1 +1,0 @@
-"""Falling rain."""
