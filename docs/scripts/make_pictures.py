@@ -11,7 +11,7 @@ from carlaloc_env.core.transforms import quat_conjugate, quat_rotate
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.demo.story import DRIVE
+from recorder.demo.story import DEMO_DRIVE
 from recorder.episode.episode import Episode
 from recorder.episode.messages import actor_states
 from recorder.report.mosaic import pictures_of_instant, rows_of_three
@@ -60,7 +60,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("episode", type=Path, nargs="?", default=DRIVE, help="else that of the demo (.mcap)")
+    parser.add_argument(
+        "episode", type=Path, nargs="?", default=DEMO_DRIVE, help="else that of the demo (.mcap)"
+    )
     parser.add_argument("--at", type=float, help="instant to draw [s]; else the busiest")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     arguments = parser.parse_args()

@@ -8,9 +8,9 @@
 from pathlib import Path
 
 from recorder import ReplayConfig, open_episode, replay, summarise
-from recorder.demo.story import DRIVE
+from recorder.demo.story import DEMO_DRIVE
 
-drive = summarise(open_episode(DRIVE))
+drive = summarise(open_episode(DEMO_DRIVE))
 print(f"{drive.map}: {drive.duration_s:.0f} s, {drive.driven_m:.0f} m, {drive.vehicles} vehicles")
 
 # %% [markdown]
@@ -19,7 +19,7 @@ print(f"{drive.map}: {drive.duration_s:.0f} s, {drive.driven_m:.0f} m, {drive.ve
 # %%
 result = replay(
     ReplayConfig(
-        episode=DRIVE,
+        episode=DEMO_DRIVE,
         out=Path("data"),
         weathers=("ClearNoon", "RainyNight"),
         rig="flu",

@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from recorder import ReplayConfig, replay
-from recorder.demo.story import DRIVE
+from recorder.demo.story import DEMO_DRIVE
 
 result = replay(
     ReplayConfig(
-        episode=DRIVE,
+        episode=DEMO_DRIVE,
         out=Path("data"),
         traffic=("static", "dynamic"),
         rig="lidar",

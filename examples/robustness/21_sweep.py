@@ -8,7 +8,7 @@ from pathlib import Path
 
 from recorder.benchmark.results import BenchmarkConfig
 from recorder.laboratory.sweep import Axis, SweepConfig
-from recorder.laboratory.sweep_run import areas_of, curves_of, run_sweep, write_report
+from recorder.laboratory.sweep_run import areas_of, curves_of, run_sweep, write_sweep_report
 from recorder.replaying.plan import ReplayOptions
 from recorder.streaming.drive import DriveConfig
 
@@ -31,7 +31,7 @@ def main() -> None:
     curves = curves_of(result.runs, axes)
     print(curves[["series", "value", "ape_m", "ape_m_low", "ape_m_high", "fail_share"]].to_string())
     print(areas_of(curves, axes).to_string())
-    print(*write_report(result), sep="\n")
+    print(*write_sweep_report(result), sep="\n")
 
 
 if __name__ == "__main__":

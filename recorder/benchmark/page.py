@@ -22,7 +22,7 @@ from recorder.benchmark.cells import traffic_label
 from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
 from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.benchmark.run import BenchmarkResult
-from recorder.benchmark.tables import LETTERS, RULE, Tables, all_tables, frame_of, titles_of
+from recorder.benchmark.tables import LETTERS, RULE, Tables, all_tables, frame_of, titles_of, write_tables
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SlamSequence
 from recorder.evaluation.evaluate import PathErrors
@@ -69,6 +69,17 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
     with atomic_write(path, EvaluationError) as part:
         part.write_text(text, encoding="utf-8")
     return path
+
+
+def write_benchmark_report(result: BenchmarkResult) -> list[Path]:
+    """Write the tables of a benchmark and its page beside its results.
+
+    Raises:
+        EvaluationError: a file cannot be written, or errors of a run are gone.
+    """
+    runs = frame_of(result.scores)
+    tables = all_tables(runs)
+    return [*write_tables(runs, tables, result.out), write_page(result, tables)]
 
 
 def page_head(title: str) -> str:

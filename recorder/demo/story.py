@@ -30,7 +30,7 @@ from recorder.replaying.replay import Progress, ReplayResult, finished_replay, r
 from recorder.report.mosaic import pictures_of_instant, rows_of_three
 from recorder.slam.systems import SYSTEMS
 
-DRIVE = Path(__file__).with_name("town10.mcap")
+DEMO_DRIVE = Path(__file__).with_name("town10.mcap")
 """Half a minute of the scripted driver among Town10's traffic."""
 LOOK, LOOK_AT_S = "look.jpg", 5.0
 """Name of the first picture, and its instant of the drive [s]."""
@@ -73,7 +73,7 @@ def first_look(config: DemoConfig, report: RunProgress) -> Path:
         OutputError: the picture cannot be written.
     """
     report(0, 3, None)
-    episode = Episode.load(DRIVE)
+    episode = Episode.load(DEMO_DRIVE)
     town = town_of(episode)
     report(1, 3, f"{town.name} is built")
     stage = SensorStage(town, seed=episode.header.seed, weather=weather_by_name(LOOK_WEATHERS[0]))
@@ -113,7 +113,7 @@ def replay_drive(config: DemoConfig, progress: Progress) -> ReplayResult:
 
 def _replay_of(config: DemoConfig) -> ReplayConfig:
     return ReplayConfig(
-        episode=DRIVE,
+        episode=DEMO_DRIVE,
         out=config.out / "data",
         weathers=WEATHERS,
         traffic=TRAFFIC,
@@ -165,7 +165,7 @@ def draw_story(config: DemoConfig, found: BenchmarkResult, truth: Path) -> list[
     from recorder.report.town_preview import lane_lines_of
     from recorder.report.trajectory_plot import plot_conditions
 
-    header = open_episode(DRIVE).header
+    header = open_episode(DEMO_DRIVE).header
     walkers = int((header.catalog.tag == Tag.PEDESTRIAN).sum())
     length_m = read_tum(truth / "base_link.tum").length_m
     title = (

@@ -176,7 +176,7 @@ PANELS = (
 """Curves of a figure, and their labels."""
 
 
-def write_report(result: SweepResult) -> list[Path]:
+def write_sweep_report(result: SweepResult) -> list[Path]:
     """Write ``runs.csv``, ``curves.csv``, ``areas.csv``, a PNG for each axis, and ``sweep.html``.
 
     Raises:

@@ -70,9 +70,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the systems."""
     check_tools()
-    from recorder.benchmark.page import write_page
+    from recorder.benchmark.page import write_benchmark_report
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
-    from recorder.benchmark.tables import all_tables, frame_of, write_tables
 
     out = _out(arguments)
     config = config_of(BenchmarkConfig, arguments, data=_data(arguments, out), out=out)
@@ -82,9 +81,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         import_rerun()  # reports now, not after hours, that it is missing
     with Progress("runs", unit="runs") as progress:
         result = run_benchmark(config, progress.pieces)
-    runs = frame_of(result.scores)
-    tables = all_tables(runs)
-    files = [*write_tables(runs, tables, out), write_page(result, tables)]
+    files = write_benchmark_report(result)
     if arguments.rerun:
         from recorder.benchmark.page import write_recordings
 

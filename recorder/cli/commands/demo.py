@@ -40,71 +40,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the demo, or what an interrupted one has left to do."""
+    began = time.monotonic()
+    from recorder.demo.run import run_demo
+    from recorder.demo.story import DemoConfig, cost_of
     from recorder.replaying.conditions import code_digest
 
     options = {name: getattr(arguments, name) for name in ("duration", "camera_start", "camera_duration")}
+
+    def look(page: Path) -> None:
+        print(f"look at {page} after {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
+
     with _folder(arguments.out, json.dumps([options, code_digest()])) as out:
-        return _show_steps(arguments, out)
-
-
-def _show_steps(arguments: argparse.Namespace, out: Path) -> dict[str, Any]:
-    """Run the steps, and write the demo's page after each."""
-    began = time.monotonic()
-    from recorder.demo.story import (
-        EXTRAS,
-        LOOK,
-        STEPS,
-        DemoConfig,
-        cost_of,
-        draw_story,
-        first_look,
-        replay_drive,
-        run_systems,
-        scores_of,
-        write_index,
-        write_scene,
-    )
-
-    config = DemoConfig(
-        out=out,
-        duration_s=arguments.duration,
-        camera_start_s=arguments.camera_start,
-        camera_duration_s=arguments.camera_duration,
-    )
-    ended = len(STEPS) + 1
-    titles = [f"{number}/{len(STEPS)} {step}" for number, step in enumerate(STEPS, start=1)]
-    if not arguments.look:
-        announced(cost_of(config))
-    if not (out / LOOK).exists():
-        with Progress(titles[0], unit="parts") as progress:
-            first_look(config, progress.pieces)
-    page = write_index(config.out, [], {}, [], step=ended if arguments.look else 2)
-    print(f"look at {page} after {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
-    if arguments.look:
-        return {"out": str(config.out), "page": str(page)}
-    with Progress(titles[1]) as progress:
-        result = replay_drive(config, progress.update)
-    films = [folder / "preview.mp4" for folder in result.sequences]
-    write_index(config.out, films, {}, [], step=3)
-    with Progress(titles[2], unit="runs") as progress:
-        found = run_systems(config, progress.pieces)
-    scores = scores_of(found)
-    drawn = draw_story(config, found, result.ground_truth)
-    scene = write_scene(config, result.sequences, scores)
-    return {
-        "out": str(config.out),
-        "page": str(write_index(config.out, films, scores, drawn, step=ended, scene=scene)),
-        "scene": str(scene),
-        "sequences": [str(path) for path in result.sequences],
-        "ground_truth": str(result.ground_truth),
-        "ape_m": {
-            system: {level: score.ape_m for level, (score, _) in by_level.items()}
-            for system, by_level in scores.items()
-        },
-        "drawn": [str(path) for path in drawn],
-        "missing": "" if drawn else EXTRAS,
-        "took_s": round(time.monotonic() - began, 1),
-    }
+        config = DemoConfig(out=out, **{f"{name}_s": seconds for name, seconds in options.items()})
+        if not arguments.look:
+            announced(cost_of(config))
+        result = run_demo(config, only_look=arguments.look, step=Progress, look=look)
+    return result if arguments.look else {**result, "took_s": round(time.monotonic() - began, 1)}
 
 
 @contextmanager

@@ -125,18 +125,15 @@ def _show_import(result: dict[str, Any]) -> None:
 
 
 def _import(arguments: argparse.Namespace) -> dict[str, Any]:
-    from carlaloc_env.openstreetmap.import_town import import_town, write_town
+    from recorder.town_files import import_town
 
     if arguments.bbox is not None and len(arguments.bbox) != 4:
         raise UsageError(f"--bbox has {len(arguments.bbox)} numbers; give W,S,E,N in degrees")
-    town = import_town(arguments.file, box=arguments.bbox, name=arguments.name, heights=arguments.heights)
-    write_town(town, arguments.out)
-    if not arguments.no_preview:
-        from carlaloc_env.town.build import load_town
-        from recorder.report.town_preview import draw_town
-
-        draw_town(load_town(arguments.out / "town.xodr"), arguments.out / "preview.png", overwrite=True)
-    return {"out": str(arguments.out), "report": town.report}
+    report = import_town(
+        arguments.file, arguments.out, box=arguments.bbox, name=arguments.name, heights=arguments.heights,
+        preview=not arguments.no_preview, overwrite=arguments.force,
+    )  # fmt: skip
+    return {"out": str(arguments.out), "report": report}
 
 
 def _preview(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -147,55 +144,38 @@ def _preview(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _export(arguments: argparse.Namespace) -> dict[str, Any]:
-    import numpy as np
-
-    from carlaloc_env.scene.mesh import merge
     from carlaloc_env.town.build import load_town
     from carlaloc_env.town.town import without_movables
-    from recorder.laboratory.surface_cloud import Region, sample_surface, write_cloud, write_mesh
+    from recorder.town_files import export_town
 
-    if arguments.mesh is None and arguments.cloud is None:
+    files = {"mesh": arguments.mesh, "cloud": arguments.cloud}
+    if not any(files.values()):
         raise UsageError("nothing to export; give --mesh OUT, --cloud OUT or both")
     town = load_town(arguments.town)
-    town = without_movables(town) if arguments.empty else town
-    mesh = merge(town.chunks)
-    cloud = None
-    if arguments.cloud is not None:
-        lanes = town.network.waypoints(2.0)
-        cloud = sample_surface(
-            mesh,
-            points_per_m2=arguments.points_per_m2,
-            seed=arguments.seed,
-            region=Region(np.column_stack([lanes["x"], lanes["y"]]), arguments.reach),
-        )
-        write_cloud(cloud, arguments.cloud)
-    if arguments.mesh is not None:
-        write_mesh(mesh, arguments.mesh)
-    return {
-        "mesh": str(arguments.mesh) if arguments.mesh else None,
-        "triangles": len(mesh.triangles),
-        "cloud": str(arguments.cloud) if arguments.cloud else None,
-        "points": len(cloud) if cloud is not None else 0,
-    }
+    counts = export_town(
+        without_movables(town) if arguments.empty else town, **files, points_per_m2=arguments.points_per_m2,
+        reach_m=arguments.reach, seed=arguments.seed,
+    )  # fmt: skip
+    return {kind: str(path) if path else None for kind, path in files.items()} | counts
 
 
 def _check(arguments: argparse.Namespace) -> dict[str, Any]:
-    from carlaloc_env.map.checks.report import grouped, report, write_waypoints_csv
-    from carlaloc_env.map.lanes.build_network import build_network
-    from carlaloc_env.map.opendrive.reader import read_opendrive
+    from carlaloc_env.map.checks.report import check_map, grouped, write_waypoints_csv
 
     if (arguments.waypoints is None) != (arguments.csv is None):
         raise ConfigError("--waypoints STEP_M and --csv OUT go together; give both")
-    xodr = read_opendrive(arguments.file)
-    network = build_network(xodr)
-    found = report(xodr, network)
+    report = check_map(arguments.file)
     if arguments.csv is not None:
+        from carlaloc_env.map.lanes.build_network import build_network
+        from carlaloc_env.map.opendrive.reader import read_opendrive
+
+        network = build_network(read_opendrive(arguments.file))
         write_waypoints_csv(network, arguments.waypoints, arguments.csv, overwrite=arguments.force)
-    groups = [(p, 1) for p in found.problems] if arguments.all else grouped(found.problems)
+    groups = [(p, 1) for p in report.problems] if arguments.all else grouped(report.problems)
     return {
-        "report": found.as_dict(),
+        "report": report.as_dict(),
         "lines": [f"{p} ({n} of this kind; --all lists them)" if n > 1 else str(p) for p, n in groups],
-        "errors": len(found.errors),
+        "errors": len(report.errors),
         "csv": str(arguments.csv) if arguments.csv is not None else None,
-        "failed": bool(found.problems if arguments.strict else found.errors),
+        "failed": bool(report.problems if arguments.strict else report.errors),
     }

@@ -12,8 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from carlaloc_env.core.errors import ConfigError, UsageError
-from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
+from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import OutputFile, force_option, input_path, option, positive_seconds
 
 
@@ -62,74 +61,12 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def _record(arguments: argparse.Namespace, out: Path) -> str:
     """Write the recording or page and return its kind."""
-    from recorder.dataset.layout import SEQUENCE, is_sequence
+    from recorder.view.write_view import write_view
 
-    what: Path = arguments.what
-    is_episode = what.suffix == EPISODE_SUFFIX or what.name.endswith(".recording")
-    if arguments.estimate and not is_sequence(what):
-        raise UsageError("--estimate is for sequences; give the folder of one")
-    if is_episode:
-        return _episode(arguments, out)
-    if is_sequence(what):
-        return _sequence(arguments, out)
-    if what.is_dir() and not (what / "town.xodr").is_file():
-        raise ConfigError(f"{what} is no sequence and no town; give a folder that holds {SEQUENCE}")
-    from carlaloc_env.town.build import load_town
-
-    if arguments.html:
-        from recorder.view.scene_page import page_of_town
-
-        page_of_town(load_town(what), out, overwrite=arguments.force)
-        return "town"
-    from recorder.view.recording import record_town
-
-    record_town(load_town(what), out, overwrite=arguments.force)
-    return "town"
-
-
-def _episode(arguments: argparse.Namespace, out: Path) -> str:
-    from recorder.episode.episode import open_episode
-    from recorder.episode.summary import town_of
-
-    episode = open_episode(arguments.what)
-    town = town_of(episode, arguments.map)
-    if arguments.html:
-        from recorder.view.scene_page import page_of_episode
-
-        page_of_episode(episode, town, out, overwrite=arguments.force)
-    else:
-        from recorder.view.recording import record_episode
-
-        record_episode(episode, town, out, overwrite=arguments.force)
-    return "episode"
-
-
-def _sequence(arguments: argparse.Namespace, out: Path) -> str:
-    from recorder.dataset.layout import sequence_at
-    from recorder.dataset.sequence import SlamSequence
-    from recorder.dataset.trajectories import read_trajectory
-    from recorder.evaluation.associate import Association
-    from recorder.evaluation.evaluate import PathErrors, evaluate
-    from recorder.evaluation.trajectory_files import read_tum
-
-    sequence = SlamSequence(sequence_at(arguments.what).path)
-    estimates = []
-    if arguments.estimate:
-        truth = read_tum(sequence.truth_file(arguments.frame))
-        estimates = [
-            PathErrors.of(evaluate(truth, read_trajectory(path), association=Association.INTERPOLATED))
-            for path in arguments.estimate
-        ]
-    settings = {"estimates": estimates, "period_s": arguments.period, "overwrite": arguments.force}
-    if arguments.html:
-        from recorder.view.scene_page import page_of_sequence
-
-        page_of_sequence(sequence, out, **settings)
-    else:
-        from recorder.view.sequence_view import record_sequence
-
-        record_sequence(sequence, out, **settings)
-    return "sequence"
+    return write_view(
+        arguments.what, out, map=arguments.map, estimates=arguments.estimate or (), frame=arguments.frame,
+        period_s=arguments.period, overwrite=arguments.force,
+    )  # fmt: skip
 
 
 def show(result: dict[str, Any]) -> None:

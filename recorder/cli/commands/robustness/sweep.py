@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     check_tools()
     from recorder.benchmark.results import BenchmarkConfig
     from recorder.laboratory.sweep import Axis, SweepConfig
-    from recorder.laboratory.sweep_run import run_sweep, write_report
+    from recorder.laboratory.sweep_run import run_sweep, write_sweep_report
 
     axes = tuple(Axis.parse(word) for word in arguments.over)
     first = arguments.drives[0].resolve()
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     benchmark = config_of(BenchmarkConfig, arguments, data=drives, out=out)
     with Progress("runs", unit="runs") as progress:
         result = run_sweep(config, benchmark, progress.pieces, lambda line: print(line, file=sys.stderr))
-    files = write_report(result)
+    files = write_sweep_report(result)
     return {
         "out": str(out),
         "files": [str(path) for path in files],

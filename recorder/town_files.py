@@ -1,0 +1,86 @@
+"""Files of towns: the folder of a town made of an extract of OpenStreetMap, and a town's surfaces."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from carlaloc_env.core.files.output_paths import check_output_folder
+from carlaloc_env.openstreetmap import import_town as extracts
+from carlaloc_env.scene.mesh import merge
+from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
+from carlaloc_env.town.build import load_town
+from carlaloc_env.town.town import Town
+from recorder.laboratory.surface_cloud import Region, sample_surface, write_cloud, write_mesh
+from recorder.report.town_preview import draw_town
+
+
+def import_town(
+    source: Path,
+    out: Path,
+    *,
+    box: tuple[float, float, float, float] | None = None,
+    name: str = "",
+    heights: Path | None = None,
+    preview: bool = True,
+    overwrite: bool = False,
+) -> dict[str, Any]:
+    """Make a town of an extract of OpenStreetMap, and return the report on it.
+
+    Args:
+        source: An .osm, .osm.gz or .osm.pbf file.
+        out: Folder of the town; its map is `town.xodr`.
+        box: West, south, east, north [deg]; None: the whole file.
+        name: Name of the town; empty: that of the file.
+        heights: Raster of the land's heights; None: a flat town.
+        preview: Build the town and draw `preview.png`.
+        overwrite: Replace an older town there.
+
+    Raises:
+        MapError: the extract cannot be read, or holds no streets on which one could drive.
+        OutputError: a file is there already.
+        MissingDependencyError: heights need rasterio.
+    """
+    check_output_folder(out, files=extracts.FILES, overwrite=overwrite)
+    town = extracts.import_town(source, box=box, name=name, heights=heights, fit_turns=fit_turns)
+    extracts.write_town(town, out)
+    if preview:
+        draw_town(load_town(out / "town.xodr"), out / "preview.png", overwrite=True)
+    return town.report
+
+
+def export_town(
+    town: Town,
+    *,
+    mesh: Path | None = None,
+    cloud: Path | None = None,
+    points_per_m2: float = 10.0,
+    reach_m: float = 50.0,
+    seed: int = 0,
+) -> dict[str, int]:
+    """Write the surfaces of a town as a mesh and as a labelled cloud, and return what was written.
+
+    Args:
+        town: The town.
+        mesh: File of the triangles, .ply or .gltf; None: none.
+        cloud: File of the points, .ply; None: none.
+        points_per_m2: Points per area [1/m²].
+        reach_m: Points lie so near a driving lane [m].
+        seed: Seed of the points.
+
+    Returns:
+        Numbers of `triangles` and of `points`.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    surfaces, points = merge(town.chunks), 0
+    if cloud is not None:
+        lanes = town.network.waypoints(2.0)
+        region = Region(np.column_stack([lanes["x"], lanes["y"]]), reach_m)
+        sampled = sample_surface(surfaces, points_per_m2=points_per_m2, seed=seed, region=region)
+        write_cloud(sampled, cloud)
+        points = len(sampled)
+    if mesh is not None:
+        write_mesh(surfaces, mesh)
+    return {"triangles": len(surfaces.triangles), "points": points}
