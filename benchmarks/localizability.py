@@ -26,7 +26,7 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.lidar.lidar import ScanPattern
+from carlaloc_env.sensors.lidar.scan_pattern import ScanPattern
 from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town

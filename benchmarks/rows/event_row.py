@@ -16,8 +16,9 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera import CameraSensor
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.event_camera.event_camera import EventCamera
-from carlaloc_env.sensors.event_camera.pixels import log_intensity
-from carlaloc_env.sensors.imaging.frame import FrameGeometry, Optics
+from carlaloc_env.sensors.event_camera.log_intensity import log_intensity
+from carlaloc_env.sensors.imaging.frame import Optics
+from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 from carlaloc_env.town.town import Town

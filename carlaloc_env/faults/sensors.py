@@ -58,7 +58,7 @@ class CameraFaults(MountedFaults):
         rgb, stamp_ns = sample.rgb, sample.stamp_ns
         if self.drops_percent:
             # Imported here: rigs know faults, and commands refuse mistakes before OpenCV is there.
-            from carlaloc_env.sensors.imaging.frame import with_lens_drops
+            from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 
             rain, camera = WeatherParameters(precipitation=self.drops_percent), f"{draws.target}/fault"
             rgb = with_lens_drops(rgb, rain, stamp_ns=stamp_ns, seed=draws.seed, camera=camera)

@@ -18,7 +18,8 @@ from carlaloc_env.actors.instances import ray_models, ray_postures
 from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.raycast.culling import Cylinders, candidates
-from carlaloc_env.raycast.surface import Hits, Surface, import_open3d
+from carlaloc_env.raycast.hits import Hits
+from carlaloc_env.raycast.surface import Surface, import_open3d
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorFrame, Snapshot, Timeline

@@ -1,18 +1,12 @@
-"""Rays against one rigid surface, and what they meet first.
+"""Rays against one rigid set of triangles: an Embree tree, with material, tag and instance of each triangle.
 
-One rigid set of triangles: an Embree tree, and what each triangle is made of.
-
-Embree finds which triangle a ray meets. How far away that is and at which angle is computed here from its
-corners: Embree's arithmetic, in single precision, differs with the processor.
-
-First hits of rays, as parallel arrays.
-
+Embree finds the triangle that a ray meets. Distance and angle are computed here from its corners, since
+Embree's arithmetic, in single precision, differs with the processor.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
@@ -24,52 +18,10 @@ from carlaloc_env.core.errors import RaycastError
 from carlaloc_env.core.files.shared_arrays import in_shared_memory, read_only
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.raycast.foliage import GAP_M, leaf_depths
+from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.mottle import BEAM_RAD, mottle_table, tone_at
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Hits:
-    """The first surface along each of N rays."""
-
-    range_m: F32
-    """Distance along the ray [m], inf where nothing was hit, shape (N,)."""
-    tag: NDArray[np.uint8]
-    """Semantic `Tag` of the surface, shape (N,)."""
-    instance: NDArray[np.uint32]
-    """Instance id of the surface, 0 = none, shape (N,)."""
-    material: NDArray[np.uint8]
-    """`Material` of the surface, shape (N,)."""
-    cos_incidence: F32
-    """Cosine between the ray and the surface normal, 0 (grazing) to 1, shape (N,)."""
-    tone: F32
-    """Reflectance there over the material's mean, about 1, shape (N,)."""
-
-    def __len__(self) -> int:
-        return len(self.range_m)
-
-    @classmethod
-    def none(cls, count: int) -> Hits:
-        """Rays that met nothing."""
-        return cls(
-            range_m=np.full(count, np.inf, np.float32),
-            tag=np.zeros(count, np.uint8),
-            instance=np.zeros(count, np.uint32),
-            material=np.zeros(count, np.uint8),
-            cos_incidence=np.zeros(count, np.float32),
-            tone=np.ones(count, np.float32),
-        )
-
-    def put(self, rows: NDArray[np.intp] | slice, other: Hits) -> None:
-        """Overwrite some rows, shape (M,), by the hits of M other rays."""
-        for name in self.__slots__:
-            getattr(self, name)[rows] = getattr(other, name)
-
-    def take(self, rows: NDArray[Any]) -> Hits:
-        """Hits of some of the rays, by index or mask."""
-        return Hits(**{name: getattr(self, name)[rows] for name in self.__slots__})
-
 
 _BLOCK = 512
 """Rays whose patterns are worked out together."""

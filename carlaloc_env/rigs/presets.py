@@ -1,76 +1,23 @@
-"""Rigs by name. Distances along the car are the CARLA-Loc paper's, counted from its IMU.
+"""Rigs by name; distances along the car are the CARLA-Loc paper's, counted from its IMU.
 
-The paper does not print heights. Here the IMU lies in the cabin 1.5 m ahead of the rear axle; the
-cameras stand above the windscreen so that the bonnet shows at the bottom of the picture, and the
-LiDAR stands 0.4 m above the roof, whose shadow hides the ground near the car.
-
-A common industrial colour camera by its data sheet: Balluff BVS CA-SF2-0016Z with Sony's IMX273.
-
-The sheet (Technical Documentation BVS CA-SF, "mvBlueFOX3-2016", assets.balluff.com) gives, measured
-after EMVA 1288: global shutter, pixels of 3.45 µm, 12 bits, SNR_max 40.2 dB, dynamic range 71.4 dB.
+The paper does not print heights. Here the IMU lies in the cabin, the cameras stand above the windscreen so
+that the bonnet shows in the picture, and the LiDAR stands 0.4 m above the roof.
 """
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from carlaloc_env.core.camera_model import Lens, Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.rigs.industrial_camera import industrial_imager, industrial_shutter, wide_angle_lens
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera_config import CameraConfig, ImagerConfig, ShutterConfig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig, RadarConfig
 from carlaloc_env.sensors.vehicle import SpeedConfig, WheelsConfig
-
-SNR_MAX_DB, DYNAMIC_RANGE_DB, ADC_BITS, PIXEL_UM = 40.2, 71.4, 12, 3.45
-"""Figures of the data sheet."""
-
-
-def saturation_capacity_e() -> float:
-    """Electrons at saturation [e⁻]; only shot noise counts there: SNR_max = √N (EMVA 1288 release 3.1)."""
-    return float(10.0 ** (SNR_MAX_DB / 10.0))
-
-
-def temporal_dark_noise_e() -> float:
-    """Noise of reading [e⁻].
-
-    The dynamic range is the saturation capacity over the sensitivity threshold, which is
-    √(σ_d² + σ_q²/K² + ¼) + ½ electrons (EMVA 1288 release 3.1) with σ_q² = 1/12 of converting.
-    """
-    full_e = saturation_capacity_e()
-    threshold_e = full_e / 10.0 ** (DYNAMIC_RANGE_DB / 20.0)
-    electrons_per_number = full_e / (2**ADC_BITS - 1)
-    return math.sqrt((threshold_e - 0.5) ** 2 - 0.25 - electrons_per_number**2 / 12.0)
-
-
-def industrial_imager() -> ImagerConfig:
-    """Its imager; unevenness of pixels, which the sheet leaves out, is that of its kind (1 e⁻, 0.5 %)."""
-    return ImagerConfig(
-        full_well_e=round(saturation_capacity_e()),
-        read_noise_e=round(temporal_dark_noise_e(), 2),
-        adc_bits=ADC_BITS,
-        bayer=True,
-        # Of seven pictures of nuScenes and three of KITTI by day the mean is 0.18 to 0.23, tone curve undone.
-        target=0.20,
-        # The pixel's area (√1/12), and a lens at half of its contrast at 0.5 cycles/px (0.37).
-        lens_blur_px=0.47,
-        # The same lens and quantum efficiency over larger pixels than the default's 3 µm.
-        electrons_per_cd_m2_s=round(ImagerConfig().electrons_per_cd_m2_s * (PIXEL_UM / 3.0) ** 2),
-    )
-
-
-def industrial_shutter() -> ShutterConfig:
-    """A global shutter; light is gathered while it is open."""
-    return ShutterConfig(motion_blur=True, readout_ms=0.0)
-
-
-def wide_angle_lens() -> Lens:
-    """Distortion of a wide-angle lens on such cameras: that of EuRoC's left camera (sensor.yaml of cam0)."""
-    return Lens(model="radtan", coefficients=(-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05))
-
 
 IMU_X_M = 1.5
 """The IMU, the paper's origin, ahead of the rear axle [m]."""
@@ -82,6 +29,18 @@ LIDAR_Z_M = 1.85
 """Height of LiDAR and radars above the ground [m]."""
 GNSS_Z_M = 1.5
 """Height of the GNSS antenna above the ground [m]."""
+RIG_USES = {
+    "paper": "to compare with the paper's results",
+    "flu": "most SLAM systems: axes and LiDAR that they know",
+    "real": "SLAM as on a real car: noise, blur, lens, lost echoes",
+    "minimal": "a first look",
+    "lidar": "LiDAR SLAM and small files, without OpenGL",
+    "state": "agents and drives without cameras and LiDAR",
+    "dsec": "event cameras",
+}
+"""The use of each named rig."""
+RIG_RIDES = {"real": "real"}
+"""Rides (`physics.params.RIDES`) with which drives are recorded for datasets of a rig."""
 
 
 def paper_rig() -> SensorRig:
@@ -153,18 +112,6 @@ RIGS = {
     "dsec": dsec_rig,
 }
 """Makers of the named rigs."""
-RIG_USES = {
-    "paper": "to compare with the paper's results",
-    "flu": "most SLAM systems: axes and LiDAR that they know",
-    "real": "SLAM as on a real car: noise, blur, lens, lost echoes",
-    "minimal": "a first look",
-    "lidar": "LiDAR SLAM and small files, without OpenGL",
-    "state": "agents and drives without cameras and LiDAR",
-    "dsec": "event cameras",
-}
-"""The use of each named rig."""
-RIG_RIDES = {"real": "real"}
-"""Rides (`physics.params.RIDES`) with which drives are recorded for datasets of a rig."""
 
 
 def rig_by_name(rig: str | Path) -> SensorRig:

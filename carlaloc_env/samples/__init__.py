@@ -5,6 +5,7 @@ of measurement since the drive began.
 """
 
 from carlaloc_env.samples.base import Sample, SampleList
+from carlaloc_env.samples.ground_truth import ObjectList, Odometry
 from carlaloc_env.samples.images import (
     EVENT,
     DepthImage,
@@ -19,8 +20,6 @@ from carlaloc_env.samples.images import (
 from carlaloc_env.samples.vehicle_states import (
     GnssFix,
     Imu,
-    ObjectList,
-    Odometry,
     Speed,
     WheelTicks,
 )

@@ -29,9 +29,11 @@ from carlaloc_env.sensors.camera_config import (
     CameraConfig,
 )
 from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain, RenderFrame
-from carlaloc_env.sensors.event_camera.pixels import log_intensity
+from carlaloc_env.sensors.event_camera.log_intensity import log_intensity
 from carlaloc_env.sensors.imaging.exposure_control import Draw, Imaging, Swept
-from carlaloc_env.sensors.imaging.frame import Frame, FrameGeometry, Optics, with_lens_drops
+from carlaloc_env.sensors.imaging.frame import Frame, Optics
+from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
+from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 from carlaloc_env.timeline.timeline import Snapshot, Timeline
 from carlaloc_env.weather.parameters import WIND_DIRECTION

@@ -14,20 +14,22 @@ from numpy.typing import NDArray
 from carlaloc_env.core import clock, elementary, transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
+from carlaloc_env.sensors.actor_boxes import ActorBoxes, boxes_at
 from carlaloc_env.sensors.base import World
-from carlaloc_env.sensors.ground_truth import ActorBoxes, boxes_at
-from carlaloc_env.sensors.radar_equation import (
+from carlaloc_env.sensors.radar_cross_sections import (
     REFLECTORS,
-    RadarEchoes,
     actor_rcs_dbsm,
+    scenery_db,
+    texture,
+)
+from carlaloc_env.sensors.radar_directions import (
     direction,
     dot,
     into,
     out_of,
     polar,
-    scenery_db,
-    texture,
 )
+from carlaloc_env.sensors.radar_equation import RadarEchoes
 from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
 

@@ -13,7 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.sensors.base import LIMITS, Mount, SensorConfig
+from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.limits import LIMITS
 
 PAPER_ELEVATIONS_DEG: tuple[float, ...] = tuple(round(-30.0 + 40.0 * i / 31, 9) for i in range(32))
 """32 beams evenly from −30° to +10°, as CARLA's LiDAR spaces them [deg]."""

@@ -14,9 +14,10 @@ from carlaloc_env import samples
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.files.config_files import to_mapping
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.rigs.memory import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
 from carlaloc_env.rigs.presets import RIGS
-from carlaloc_env.rigs.rig import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
-from carlaloc_env.sensors.base import LIMITS, RATE, SENSORS_MAX, Mount, Sensor, SensorConfig
+from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig
+from carlaloc_env.sensors.limits import LIMITS, RATE, SENSORS_MAX
 from carlaloc_env.sensors.ranging_config import ReceiverConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 
@@ -40,9 +41,9 @@ YAML, `preset: name` takes the values of a variant; the file's own values overri
 """
 REAL = """
 The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, use `real`. Its
-[cameras](../carlaloc_env/rigs/presets.py) have the noise of a data sheet after EMVA 1288, a colour filter,
-exposure control, motion blur and a wide-angle lens. At rest by day, 31 % of a picture's values repeat in
-the next picture; with the ideal camera, 72 % do. Its LiDAR has the [receiver](#receiverconfig) of an HDL-32E:
+[cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288, a colour
+filter, exposure control, motion blur and a wide-angle lens. At rest by day, 31 % of a picture's values repeat
+in the next picture; with the ideal camera, 72 % do. Its LiDAR has the [receiver](#receiverconfig) of an HDL-32E:
 dark and far surfaces are lost, edges mix, and lasers have errors that no calibration names. One return in six
 is of the own car. Settings of systems leave out returns within 3 m.
 

@@ -16,8 +16,9 @@ from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.map.sources import TownId
 from carlaloc_env.render.views import check_quality
+from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.rigs.rig import SensorRig, check_memory
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events, Image, PointCloud
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig

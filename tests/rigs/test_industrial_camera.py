@@ -10,16 +10,16 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.rigs.presets import (
+from carlaloc_env.rigs.industrial_camera import (
     ADC_BITS,
     DYNAMIC_RANGE_DB,
     SNR_MAX_DB,
     industrial_imager,
-    rig_by_name,
     saturation_capacity_e,
     temporal_dark_noise_e,
     wide_angle_lens,
 )
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imaging.imager import Imager

@@ -10,11 +10,12 @@ import pytest
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.rigs import rig
+from carlaloc_env.rigs import memory
+from carlaloc_env.rigs.memory import available_bytes, check_memory, estimated_bytes
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
-from carlaloc_env.rigs.rig import SensorRig, available_bytes, check_memory, estimated_bytes
-from carlaloc_env.sensors.base import LIMITS, SENSORS_MAX
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.camera_config import CameraConfig
+from carlaloc_env.sensors.limits import LIMITS, SENSORS_MAX
 from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.sensors.vehicle import SpeedConfig
@@ -89,7 +90,7 @@ def test_estimate_grows_with_pixels_and_rays() -> None:
 
     assert estimated_bytes(camera(2000)) == 2 * estimated_bytes(camera(1000))
     lidar = SensorRig(sensors=(LidarConfig(),))
-    assert estimated_bytes(lidar) == 2078 * 32 * rig.RAY_BYTES
+    assert estimated_bytes(lidar) == 2078 * 32 * memory.RAY_BYTES
     assert estimated_bytes(camera(1000), weathers=6) > estimated_bytes(camera(1000))
     assert all(estimated_bytes(rig_by_name(name), weathers=6) < 6e9 for name in RIGS)
 
@@ -98,8 +99,8 @@ def test_too_little_memory_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     """The free memory of machine and container, whichever is less."""
     info = tmp_path / "meminfo"
     info.write_text("MemTotal: 8000000 kB\nMemAvailable: 1000000 kB\nSwapFree: 0 kB\n")
-    monkeypatch.setattr(rig, "MEMINFO", info)
-    monkeypatch.setattr(rig, "CGROUP", tmp_path)
+    monkeypatch.setattr(memory, "MEMINFO", info)
+    monkeypatch.setattr(memory, "CGROUP", tmp_path)
     assert available_bytes() == 1_024_000_000
     (tmp_path / "memory.max").write_text("500000000\n")
     (tmp_path / "memory.current").write_text("400000000\n")

@@ -21,8 +21,9 @@ from carlaloc_env.envs.base_env import Observer
 from carlaloc_env.envs.task.state_vector import StateVector, state_space
 from carlaloc_env.envs.task.task_world import STOREY_M, Ego, TaskWorld, ego_of
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
-from carlaloc_env.rigs.rig import SensorRig, check_memory
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage

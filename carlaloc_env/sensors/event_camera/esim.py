@@ -1,15 +1,7 @@
-"""When the pixels of an event camera fire, after ESIM.
+"""Firing of the pixels of an event camera, after ESIM.
 
-Rebecq, Gehrig, Scaramuzza, "ESIM: an Open Event Camera Simulator", 2018: a pixel keeps the log
-intensity of its last event, its reference, and fires when its signal has moved away from it by a
-threshold C. Between two pictures the signal is sampled along the true motion, so often that nothing
-moves by more than a pixel from one sample to the next (their adaptive sampling by displacement),
-and changes linearly in between, L(k − 1) to L(k). So an event comes at
-
-    t(k − 1) + (reference ± C − L(k − 1)) / (L(k) − L(k − 1)) · (t(k) − t(k − 1)).
-
-A leak current lets the signal rise evenly, by C of positive events in each 1 / leak rate. Noise events
-come beside. After an event a pixel is dead for the refractory time: what it fires then is lost.
+Rebecq, Gehrig, Scaramuzza, "ESIM: an Open Event Camera Simulator", 2018: a pixel keeps the log intensity of
+its last event, its reference, and fires when its signal has moved away from it by a threshold C.
 """
 
 import math
@@ -22,7 +14,13 @@ from carlaloc_env.core.array_types import F32, I32, U32
 from carlaloc_env.core.cores import over_bands
 from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.sensors.event_camera.motion_sampling import new_track, sample_signal
-from carlaloc_env.sensors.event_camera.pixels import NEVER_US, NoiseEvents, PixelState, Thresholds, by_time
+from carlaloc_env.sensors.event_camera.pixels import (
+    NEVER_US,
+    NoiseEvents,
+    PixelState,
+    Thresholds,
+)
+from carlaloc_env.sensors.event_camera.read_out import by_time
 from carlaloc_env.sensors.event_camera.tile_survey import (
     CHUNK,
     ONE,
@@ -34,7 +32,7 @@ from carlaloc_env.sensors.event_camera.tile_survey import (
     survey,
     tile_ranges,
 )
-from carlaloc_env.sensors.imaging.frame import FrameMotion
+from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
 from carlaloc_env.sensors.imaging.motion_field import TILE_PX
 
 ROOM = 16
@@ -108,6 +106,12 @@ def generate_events(
     step_px: float = 1.0,
 ) -> tuple[NDArray[np.void], PixelState]:
     """Events between two pictures, and the state after them.
+
+    The signal is sampled along the true motion, so often that nothing moves by more than a pixel from one
+    sample to the next (ESIM's adaptive sampling by displacement), and changes linearly in between, L(k − 1)
+    to L(k). So an event comes (reference ± C − L(k − 1)) / (L(k) − L(k − 1)) of the step after t(k − 1).
+    A leak current lets the signal rise evenly, by C of positive events in each 1 / leak rate. Noise events
+    come beside. After an event a pixel is dead for the refractory time: events within it are lost.
 
     Args:
         before: Log intensity at the beginning, shape (H, W).

@@ -1,14 +1,8 @@
-"""The event camera: what a camera's pixels fire between its pictures, carried from one to the next.
+"""The event camera: events that pixels fire between a camera's pictures, with memory from one to the next.
 
-Pixels remember. So that any stretch of a drive can still be made on its own with the same bytes,
-their memory is begun anew, without firing, every `restart_s` of the drive: each reference lies
-anywhere within its thresholds, as in a camera that has run for long. Asked for a stamp that does
-not follow the one before, the camera first goes over the drive from the last such moment.
-
-Weather changes the light that events come from, fog and wet ground included. Falling drops do not: a
-streak is there for one picture alone and has no place in the next, so it would fire at the wrong time.
-
-Settings of an event camera.
+The memory begins anew, without firing, every `restart_s` of the drive, so that any stretch of a drive has the
+same bytes; each reference then lies anywhere within its thresholds. Falling drops fire no events: a streak is
+there for one picture alone and has no place in the next.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,11 +15,16 @@ from carlaloc_env.core.array_types import F32
 from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.camera_config import EventConfig
 from carlaloc_env.sensors.event_camera.esim import generate_events
-from carlaloc_env.sensors.event_camera.pixels import NoiseEvents, PixelState, Thresholds, limit_rate
-from carlaloc_env.sensors.imaging.exposure_control import Chain
-from carlaloc_env.sensors.imaging.frame import FrameGeometry, FrameMotion, Optics, motion_between
+from carlaloc_env.sensors.event_camera.pixels import NoiseEvents, PixelState, Thresholds
+from carlaloc_env.sensors.event_camera.read_out import limit_rate
+from carlaloc_env.sensors.imaging.frame import Optics
+from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry, FrameMotion, motion_between
+from carlaloc_env.sensors.imaging.state_chain import Chain
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather
+
+RenderFrame = Callable[[int], tuple[FrameGeometry, list[F32]]]
+"""Draws the frame of a stamp [ns]: its geometry, and its log intensity under each weather."""
 
 
 class EventCamera:
@@ -85,10 +84,6 @@ class EventCamera:
         if start_ns // self.restart_ns < end_ns // self.restart_ns:
             state = self.initial_state(after, end_ns)
         return events, state
-
-
-RenderFrame = Callable[[int], tuple[FrameGeometry, list[F32]]]
-"""Draws the frame of a stamp [ns]: its geometry, and its log intensity under each weather."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -12,8 +12,14 @@ import numpy as np
 
 from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.sensors.event_camera.tile_survey import CHUNK, ONE, ZERO, depth_of, is_nearer, own_places
-from carlaloc_env.sensors.imaging.imager import BOTH, FIRST, MISS_PX, SECOND, sources
 from carlaloc_env.sensors.imaging.motion_field import SURFACE_RATIO, TILE_PX, bilinear, source_of
+from carlaloc_env.sensors.imaging.shutter import (
+    BOTH,
+    FIRST,
+    MISS_PX,
+    SECOND,
+    sources,
+)
 
 BEND = np.float32(0.25)
 """Motion of one surface differs by less between the places that a pixel sees one sample apart [px]."""

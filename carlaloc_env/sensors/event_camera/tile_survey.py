@@ -1,9 +1,7 @@
-"""How the tiles of a picture move, and what intensities their pixels can meet on the way.
+"""Motion of the tiles of a picture, and the range of intensities that their pixels can meet on the way.
 
-A tile moves smoothly if the motion of its pixels lies on a plane in both pictures: then it is enough
-to search where its four corners lie, at the ends of chunks of samples.
-
-The lowest and highest value of a picture in each of its tiles: limits of what a pixel can meet there.
+A tile moves smoothly if the motion of its pixels lies on a plane in both pictures: then it is enough to
+search where its four corners lie, at the ends of chunks of samples.
 """
 
 import math
@@ -14,8 +12,20 @@ import numpy as np
 
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.jit import compiled, inlined
-from carlaloc_env.sensors.imaging.imager import BOTH, FIRST, sources
 from carlaloc_env.sensors.imaging.motion_field import TILE_PX
+from carlaloc_env.sensors.imaging.shutter import BOTH, FIRST, sources
+
+STEPS_MAX = 512
+"""Most samples of a pixel between two pictures."""
+CHUNK = 16
+"""Samples between two places of a smooth tile's corners."""
+CHUNKS_MAX = -(-STEPS_MAX // CHUNK)
+SMOOTH_PX = np.float32(0.3)
+"""Motion in a smooth tile differs by less from what its corners say [px]."""
+NEARER = np.float32(0.8)
+"""What passes in front of something is nearer by this ratio."""
+ONE, ZERO = np.float32(1), np.float32(0)
+_FAR = np.float32(1e9)
 
 
 def tile_ranges(image: F32) -> F32:
@@ -33,19 +43,6 @@ def widened(low: Any, high: Any, ranges: Any, x0: Any, y0: Any, x1: Any, y1: Any
         for column in range(max(int(x0) // TILE_PX, 0), min(int(x1) // TILE_PX + 1, columns)):
             low, high = min(low, ranges[row, column, 0]), max(high, ranges[row, column, 1])
     return low, high
-
-
-STEPS_MAX = 512
-"""Most samples of a pixel between two pictures."""
-CHUNK = 16
-"""Samples between two places of a smooth tile's corners."""
-CHUNKS_MAX = -(-STEPS_MAX // CHUNK)
-SMOOTH_PX = np.float32(0.3)
-"""Motion in a smooth tile differs by less from what its corners say [px]."""
-NEARER = np.float32(0.8)
-"""What passes in front of something is nearer by this ratio."""
-ONE, ZERO = np.float32(1), np.float32(0)
-_FAR = np.float32(1e9)
 
 
 class Pictures(NamedTuple):

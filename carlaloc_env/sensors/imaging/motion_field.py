@@ -1,12 +1,7 @@
-"""How every pixel moves between two pictures: exact for a rigid town and rigid actors.
+"""Motion of every pixel between two pictures: exact for a rigid town and rigid actors.
 
-A point that has the homogeneous picture coordinates z·(u, v, 1) before and z'·(u', v', 1) after
-moves, while camera and things go straight on, along
-
-    u(s) = u + τ·(u' − u),  τ = s·r / (1 − s + s·r),  r = z'/z,  z(s) = z·(1 − s + s·r)
-
-for s from 0 to 1. Turning of the camera adds an error of second order, 0.03 px for 10 °/s, 50 ms
-and 640 px. Wheels roll and legs swing with their actor's body only.
+Turning of the camera adds an error of second order, 0.03 px for 10 °/s, 50 ms and 640 px. Wheels roll and
+legs swing with their actor's body only.
 """
 
 from __future__ import annotations
@@ -36,6 +31,8 @@ TILE_PX = 8
 """Edge of the tiles for which the surface that passes in front is known [px]."""
 SURFACE_RATIO = 1.25
 """What is farther away than the nearest of a tile, by this ratio, does not pass along with it."""
+_NONE = np.zeros((0, 4, 4))
+_U, _V, _R, _Z = np.uint32(0), np.uint32(1), np.uint32(2), np.uint32(3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,6 +76,10 @@ def motion_field(
 ) -> F32:
     """Motion of the point seen by each pixel from one time to another.
 
+    A point that has the homogeneous picture coordinates z·(u, v, 1) before and z'·(u', v', 1) after moves,
+    while camera and things go straight on, along u(s) = u + τ·(u' − u) with τ = s·r / (1 − s + s·r),
+    r = z'/z and z(s) = z·(1 − s + s·r), for s from 0 to 1.
+
     Args:
         pinhole: Intrinsics.
         depth_m: Planar depth now [m], 0 = sky, shape (H, W).
@@ -105,10 +106,6 @@ def motion_field(
     given = depth_m, instance, optics, rays, maps, now.actor_id, field
     over_bands(lambda first, end: _fill_field(*given, first, end), len(depth_m))
     return field
-
-
-_NONE = np.zeros((0, 4, 4))
-_U, _V, _R, _Z = np.uint32(0), np.uint32(1), np.uint32(2), np.uint32(3)
 
 
 def _times(a: Array, b: Array) -> Array:

@@ -1,16 +1,4 @@
-"""How surfaces send laser pulses back towards their source: rough faces, grains, mirrors.
-
-Rough surfaces follow Oren and Nayar, "Generalization of Lambert's reflectance model" (SIGGRAPH 1994): facets
-whose slopes have a spread σ. Where source and eye coincide, their radiance over that of a white surface
-face on is ρ·(cosθ + (B/A)·sin²θ) with A = 1 − σ²/(2·(σ² + 0.33)) and B = 0.45·σ²/(σ² + 0.09); ρ is the
-hemispherical reflectance in light from above, as spectral libraries have it. So asphalt hardly darkens
-towards the horizon. Terrestrial scanners find gravel and sand nearly independent of the incidence as well
-(Kaasalainen et al., Remote Sensing 3, 2011).
-
-Smooth surfaces scatter a part of their reflectance and mirror the rest: facets of Cook and Torrance, "A
-reflectance model for computer graphics" (1982), whose slopes have Beckmann's distribution. They shine
-when met face on and are dark otherwise.
-"""
+"""Reflection of laser pulses back towards their source: rough faces, grains, mirrors."""
 
 from __future__ import annotations
 
@@ -108,7 +96,15 @@ def reflection_table(*, grains: bool = True) -> ReflectionTable:
 
 
 def oren_nayar(slope_rad: float) -> tuple[float, float]:
-    """A and B of Oren and Nayar for facets whose slopes have a spread [rad]."""
+    """A and B of Oren and Nayar for facets whose slopes have a spread [rad].
+
+    Oren and Nayar, "Generalization of Lambert's reflectance model" (SIGGRAPH 1994): where source and eye
+    coincide, the radiance over that of a white surface face on is ρ·(cosθ + (B/A)·sin²θ) with
+    A = 1 − σ²/(2·(σ² + 0.33)) and B = 0.45·σ²/(σ² + 0.09); ρ is the hemispherical reflectance in light from
+    above, as spectral libraries have it. So asphalt hardly darkens towards the horizon. Terrestrial scanners
+    find gravel and sand nearly independent of the incidence as well (Kaasalainen et al., Remote Sensing 3,
+    2011).
+    """
     square = slope_rad * slope_rad
     return 1.0 - 0.5 * square / (square + 0.33), 0.45 * square / (square + 0.09)
 
@@ -116,6 +112,10 @@ def oren_nayar(slope_rad: float) -> tuple[float, float]:
 @inlined
 def reflectance_towards_source(table: ReflectionTable, kind: int, cosine: float) -> float:
     """Radiance of a surface in a laser's light, seen from the laser, over that of a white one face on.
+
+    Smooth surfaces scatter a part of their reflectance and mirror the rest: facets of Cook and Torrance, "A
+    reflectance model for computer graphics" (1982), whose slopes have Beckmann's distribution. They shine
+    when met face on and are dark otherwise.
 
     Args:
         table: Reflection by material.

@@ -27,7 +27,7 @@ from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.sensors.imaging.frame import with_lens_drops
+from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 need_opengl()

@@ -16,9 +16,10 @@ from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig, ImagerConfig, ShutterConfig
-from carlaloc_env.sensors.imaging.frame import FrameMotion, passing_surfaces
-from carlaloc_env.sensors.imaging.imager import Imager, exposed, picked
+from carlaloc_env.sensors.imaging.frame_motion import FrameMotion, passing_surfaces
+from carlaloc_env.sensors.imaging.imager import Imager
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
+from carlaloc_env.sensors.imaging.shutter import exposed, picked
 from carlaloc_env.weather.parameters import PRESETS
 
 STEP_NS = 50_000_000

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import convolve1d
 
-from carlaloc_env.sensors.event_camera.pixels import log_intensity
+from carlaloc_env.sensors.event_camera.log_intensity import log_intensity
 
 
 def test_log_is_the_logarithm_of_luminance_and_dark_current() -> None:

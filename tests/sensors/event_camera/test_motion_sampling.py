@@ -18,7 +18,7 @@ from carlaloc_env.sensors.event_camera.tile_survey import (
     survey,
     tile_ranges,
 )
-from carlaloc_env.sensors.imaging.frame import FrameMotion, passing_surfaces
+from carlaloc_env.sensors.imaging.frame_motion import FrameMotion, passing_surfaces
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from shared_fixtures.readings.bag_samples import batch_of
 
 from carlaloc_env.samples import EVENT
-from carlaloc_env.sensors.event_camera.pixels import by_time, limit_rate
+from carlaloc_env.sensors.event_camera.read_out import by_time, limit_rate
 
 
 def test_events_come_by_time_and_then_by_band() -> None:

@@ -12,7 +12,8 @@ from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.core.map_projection import projected_reference
 from carlaloc_env.envs.base_env import values_of
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.gnss import CONSTELLATIONS, GnssConfig, dilution
+from carlaloc_env.sensors.gnss import GnssConfig
+from carlaloc_env.sensors.gnss_satellites import CONSTELLATIONS, dilution
 
 STEP = 200_000_000
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from carlaloc_env.sensors.imaging.frame import passing_surfaces
+from carlaloc_env.sensors.imaging.frame_motion import passing_surfaces
 
 
 @pytest.mark.parametrize(("du", "dv"), [(0.3, 0.0), (37.0, 0.0), (-21.5, 13.0), (4.0, -30.0)])

@@ -14,7 +14,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.radar import CLUTTER, GHOST, THING
+from carlaloc_env.sensors.radar_detector import CLUTTER, GHOST, THING
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 

@@ -11,16 +11,15 @@ from shared_fixtures.readings.radar_scans import STEP, config, frames
 from carlaloc_env.samples import RadarScan
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.radar_cross_sections import actor_rcs_dbsm, texture
 from carlaloc_env.sensors.radar_equation import (
     RadarEchoes,
-    actor_rcs_dbsm,
     detect,
     errors,
     mean_snr,
     merge_cells,
     rain_loss_db_per_m,
     snr_at,
-    texture,
 )
 from carlaloc_env.weather.parameters import WeatherParameters
 

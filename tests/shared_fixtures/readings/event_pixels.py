@@ -9,7 +9,7 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.sensors.event_camera.esim import generate_events
 from carlaloc_env.sensors.event_camera.pixels import NEVER_US, NoiseEvents, PixelState, Thresholds
-from carlaloc_env.sensors.imaging.frame import FrameMotion, passing_surfaces
+from carlaloc_env.sensors.imaging.frame_motion import FrameMotion, passing_surfaces
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 
 SHAPE = (32, 48)

@@ -1,0 +1,66 @@
+"""Drops on the lens: an option, off in the paper's rig, whose cameras look through a wiped pane."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core import clock
+from carlaloc_env.weather.parameters import WeatherParameters
+
+if TYPE_CHECKING:
+    pass
+
+MOST = 90
+"""Drops on the lens in rain of 50 mm/h."""
+LIFE_NS = 3_000_000_000
+"""How long a drop stays before another takes its place [ns]."""
+
+
+def with_lens_drops(
+    rgb: NDArray[np.uint8], weather: WeatherParameters, *, stamp_ns: int, seed: int, camera: str
+) -> NDArray[np.uint8]:
+    """The picture as seen through drops that cling to the lens and slide down.
+
+    A drop is a small lens: it shows the scene upside down and smaller. Where the drops are
+    follows from seed, camera and time alone, so both eyes differ and any picture can be made alone.
+
+    Args:
+        rgb: Picture, sRGB, shape (H, W, 3).
+        weather: How much it rains.
+        stamp_ns: Time of the picture [ns].
+        seed: Seed of the drops.
+        camera: Name of the camera.
+    """
+    height, width = rgb.shape[:2]
+    count = math.ceil(MOST * weather.precipitation / 100.0)
+    v, u = np.mgrid[:height, :width].astype(np.float32)
+    blur = np.zeros((height, width), np.float32)
+    for k in range(count):
+        age_ns = stamp_ns + k * LIFE_NS // max(count, 1)
+        draw = clock.stream(seed, f"{camera}/lens/{k}", age_ns // LIFE_NS)
+        x, y, size, speed = draw.random(4)
+        age_s = age_ns % LIFE_NS * 1e-9
+        radius = (3.0 + 11.0 * size**2) * width / 1280.0
+        cx, cy = x * width, y * height + (5.0 + 35.0 * speed) * age_s * size * width / 1280.0
+        low_u, high_u = max(int(cx - radius), 0), min(int(cx + radius) + 2, width)
+        low_v, high_v = max(int(cy - radius), 0), min(int(cy + radius) + 2, height)
+        box = np.s_[low_v:high_v, low_u:high_u]
+        if not blur[box].size:
+            continue
+        dv, du = np.mgrid[low_v:high_v, low_u:high_u].astype(np.float32)
+        du, dv = du - np.float32(cx), dv - np.float32(cy)
+        r2 = (du * du + dv * dv) / np.float32(radius * radius)
+        inside = r2 < 1.0
+        # Upside down, and the more so towards the rim (Lagarde's lens: 1.6 times the offset and more).
+        bend = np.float32(-6.0) * (1 + 2 * r2)
+        u[box] = np.where(inside, np.float32(cx) + bend * du, u[box])
+        v[box] = np.where(inside, np.float32(cy) + bend * dv, v[box])
+        blur[box] = np.where(inside, np.maximum(blur[box], np.minimum(4 * (1 - r2), 1)), blur[box])
+    bent = cv2.remap(rgb, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+    share = blur[..., None]
+    return np.asarray(rgb * (1 - share) + bent * share + np.float32(0.5), dtype=np.uint8)
