@@ -43,9 +43,9 @@ REAL = """
 The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, use `real`. Its
 [cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288, a colour
 filter, exposure control, motion blur and a wide-angle lens. At rest by day, 31 % of a picture's values repeat
-in the next picture; with the ideal camera, 72 % do. Its LiDAR has the [receiver](#receiverconfig) of an HDL-32E:
-dark and far surfaces are lost, edges mix, and lasers have errors that no calibration names. One return in six
-is of the own car. Settings of systems leave out returns within 3 m.
+in the next picture; with the ideal camera, 72 % do. Its LiDAR has the [receiver](#receiverconfig) of an
+HDL-32E: dark and far surfaces are lost, edges mix, and lasers have errors that no calibration names. One
+return in six is of the own car. Settings of systems leave out returns within 3 m.
 
 ## Surfaces
 
