@@ -19,9 +19,9 @@ from stereo import Instant
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.lighting import night_lighting
 from carlaloc_env.render.lighting import night_lighting as tiled_lights
+from carlaloc_env.render.lighting.light_grid import LOOPS, Fog, LightGrid
 from carlaloc_env.render.lighting.light_sources import Lights
 from carlaloc_env.render.lighting.light_tiles import DepthRange, TileGroups, every_tile
-from carlaloc_env.render.lighting.night_lighting import LOOPS, Fog, LightGrid
 from carlaloc_env.render.renderer import SceneRenderer
 
 Plain = Callable[[SceneRenderer], AbstractContextManager[object]]

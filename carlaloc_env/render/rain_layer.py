@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.lighting.night_lighting import UNSEEN_NOISE
-from carlaloc_env.render.lighting.shading_passes import TONE_ROOM, TONE_SHOULDER
+from carlaloc_env.render.lighting.shader_constants import TONE_ROOM, TONE_SHOULDER
 from carlaloc_env.render.rain_drops import Streaks
 from carlaloc_env.render.streak_kernels import noticeable, over_codes, over_light, streak_pixels
 from carlaloc_env.render.views import CameraView

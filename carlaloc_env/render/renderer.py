@@ -13,8 +13,8 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
 from carlaloc_env.render.geometry.geometry_pass import GeometryPass, distance_m
 from carlaloc_env.render.geometry.occlusion_culling import Depths
-from carlaloc_env.render.gl_context import give_back, take_programs
-from carlaloc_env.render.lighting.shading_passes import shader_constants
+from carlaloc_env.render.lighting.shader_constants import shader_constants
+from carlaloc_env.render.shader_programs import give_back, take_programs
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.render.views import CameraView, check_quality

@@ -13,18 +13,18 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
 from carlaloc_env.render.geometry.geometry_pass import Casters
 from carlaloc_env.render.geometry.static_scene import StaticScene
-from carlaloc_env.render.gl_context import Programs, set_uniforms
+from carlaloc_env.render.lighting.fixed_exposure import READ_NOISE_E, electrons, exposure_time_s
 from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, Lights
 from carlaloc_env.render.lighting.light_tiles import DepthRange
+from carlaloc_env.render.lighting.mirror import Mirror
 from carlaloc_env.render.lighting.night_lighting import Night
-from carlaloc_env.render.lighting.shading_passes import Cover, Mirror, ShadingPasses
+from carlaloc_env.render.lighting.roof_heights import Roofs
+from carlaloc_env.render.lighting.shading_passes import Cover, ShadingPasses
 from carlaloc_env.render.lighting.shadow_maps import Shadows
-from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, exposure_time_s
+from carlaloc_env.render.lighting.skies import Skies
 from carlaloc_env.render.lighting.uniforms import (
     MIRROR,
-    Roofs,
     Scene,
-    Skies,
     bind_light,
     light_values,
     set_gbuffer_uniforms,
@@ -33,6 +33,7 @@ from carlaloc_env.render.lighting.uniforms import (
 )
 from carlaloc_env.render.rain_drops import Streaks, lit, rain_streaks
 from carlaloc_env.render.rain_layer import RainLayer
+from carlaloc_env.render.shader_programs import Programs, set_uniforms
 from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters

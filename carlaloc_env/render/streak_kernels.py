@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled, inlined
-from carlaloc_env.render.rain_drops import mixed
+from carlaloc_env.render.drop_kernels import mixed
 
 THINNEST_PX = 0.8
 """Streaks are never drawn thinner, but paler instead, so that they do not twinkle [px]."""

@@ -14,7 +14,7 @@ from fontTools.pens.basePen import BasePen
 from fontTools.ttLib import TTFont
 from numpy.typing import NDArray
 
-from carlaloc_env.render.textures.canvas import FACES, LETTERS_FILE
+from carlaloc_env.render.textures.letters import FACES, LETTERS_FILE
 
 CHARACTERS = string.ascii_letters + string.digits + " .,:;!?&'+-/%()#"
 STEPS = 5

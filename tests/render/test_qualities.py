@@ -19,7 +19,8 @@ from shared_fixtures.worlds.render_scenes import (
 
 from carlaloc_env.core import transforms
 from carlaloc_env.render.lighting import night_lighting
-from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, sky_light
+from carlaloc_env.render.lighting.fixed_exposure import READ_NOISE_E, electrons
+from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.views import QUALITIES
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh

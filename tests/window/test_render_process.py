@@ -18,7 +18,7 @@ from shared_fixtures.worlds.maps import VILLAGE
 from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.render.lighting.light_sources import Emitters
+from carlaloc_env.render.lighting.model_lamps import Emitters
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import Snapshot, is_blink
 from carlaloc_env.town.build import load_town

@@ -10,26 +10,23 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.freed_memory import give_back_mapped_pages
+from carlaloc_env.render.geometry.distant_models import Distant, levels
 from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
+from carlaloc_env.render.geometry.instance_buffer import InstanceBuffer
 from carlaloc_env.render.geometry.level_of_detail import (
     CELL_M,
     FAR,
     FAR_LOW,
     FAR_LOW_FOCAL_PX,
-    Distant,
-    levels,
 )
-from carlaloc_env.render.geometry.mesh_buffers import InstanceBuffer, MeshBuffers
+from carlaloc_env.render.geometry.material_tables import block_tables, surface_table, upload_textures
+from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
-from carlaloc_env.render.geometry.packed_meshes import (
-    block_tables,
-    packed_models,
-    surface_table,
-    upload_textures,
-)
+from carlaloc_env.render.geometry.packed_meshes import packed_models
 from carlaloc_env.render.geometry.static_scene import LEVEL_FROM, StaticScene, mesh_boxes
 from carlaloc_env.render.geometry.triangle_culling import TriangleCuller
-from carlaloc_env.render.gl_context import Programs, is_software, set_uniforms
+from carlaloc_env.render.gl_context import is_software
+from carlaloc_env.render.shader_programs import Programs, set_uniforms
 from carlaloc_env.render.views import FAR_M, NEAR_M, CameraView
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary

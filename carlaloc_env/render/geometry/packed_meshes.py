@@ -1,13 +1,7 @@
-"""Meshes as graphics take them: packed vertices without doubles, made once and kept in the cache.
-
-Vertices that are equal in every attribute, made one: levels of detail share what they have in common.
-
-Material properties as the shaders want them, and the texture array.
-"""
+"""Meshes as graphics take them: packed vertices without doubles, made once and kept in the cache."""
 
 from collections.abc import Callable, Iterable, Sequence
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,139 +10,11 @@ from carlaloc_env.core.files.array_cache import cached
 from carlaloc_env.core.files.array_files import Arrays, arrays_hash
 from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES, read_only
 from carlaloc_env.core.freed_memory import give_back_mapped_pages
-from carlaloc_env.core.jit import compiled
-from carlaloc_env.render.geometry.level_of_detail import simplified
-from carlaloc_env.render.gl_context import Programs
-from carlaloc_env.render.textures.ground import BLOCK_PATTERNS
+from carlaloc_env.render.geometry.distant_models import simplified
+from carlaloc_env.render.geometry.material_tables import LOG_SCALE
+from carlaloc_env.render.geometry.unique_vertices import without_doubles
 from carlaloc_env.scene.materials import Material, material_values
 from carlaloc_env.scene.mesh import VERTEX_FIELDS, Mesh, face_vectors
-from carlaloc_env.scene.mottle import mottle_table
-
-_FACTOR = 0x9E3779B97F4A7C15
-"""Odd number near 2⁶⁴ divided by the golden ratio, by which hashes are mixed (Knuth, TAOCP 3, 6.4)."""
-
-
-def without_doubles(vertices: NDArray[np.void], triangles: U32) -> tuple[NDArray[np.void], U32]:
-    """The first of all equal vertices, in their order, and the triangles between these.
-
-    Args:
-        vertices: Packed vertices of a whole number of 32-bit words, shape (V,).
-        triangles: Corner indices, shape (T, 3).
-
-    Returns:
-        Vertices of which no two have the same bytes, shape (U,), and triangles, shape (T, 3).
-    """
-    words = vertices.view(np.uint32).reshape(len(vertices), vertices.itemsize // 4)
-    number, kept = np.empty(len(vertices), np.uint32), np.empty(len(vertices), np.uint32)
-    # Half of a hash table stays empty, so that most searches end at once. It is freed right after.
-    count = _number(words, np.zeros(1 << (2 * len(vertices)).bit_length(), np.uint32), number, kept)
-    return vertices[kept[:count]], np.take(number, triangles)
-
-
-@compiled
-def _number(words: U32, slots: U32, number: U32, kept: U32) -> int:
-    """Number different rows by their first appearance, and count them.
-
-    Args:
-        words: Rows, shape (V, W).
-        slots: Zeros, more than V, a power of two; becomes a hash table of numbers plus one.
-        number: Receives the number of each row, shape (V,).
-        kept: Receives the first row of each number, shape (V,).
-    """
-    count, last = 0, np.uint64(len(slots) - 1)
-    for v in range(len(words)):
-        key = np.uint64(0)
-        for w in range(words.shape[1]):
-            key = (key ^ np.uint64(words[v, w])) * np.uint64(_FACTOR)
-            key ^= key >> np.uint64(29)
-        at = key & last
-        while True:
-            other = slots[at]
-            if other == 0:
-                kept[count], number[v] = v, count
-                count += 1
-                slots[at] = count
-                break
-            equal = True
-            for w in range(words.shape[1]):
-                equal = equal and words[kept[other - 1], w] == words[v, w]
-            if equal:
-                number[v] = other - 1
-                break
-            at = (at + np.uint64(1)) & last
-    return count
-
-
-_LIT_AT_NIGHT = (Material.LAMP_WHITE, Material.LAMP_TAIL)
-"""Lamps that are off by day; signals and brake lights are lit whenever they are drawn."""
-
-LOG_SCALE = 16.0
-"""Light is stored as log2(1 + cd/m²) / 16, which spans 0…65535 cd/m² in one byte."""
-
-
-def surface_table() -> NDArray[np.float32]:
-    """Roughness, porosity, light by day and night, light at night of every material, (M, 4)."""
-    emission = np.log2(1.0 + material_values("emission_cd_m2")) / LOG_SCALE
-    by_night = np.zeros(len(Material), dtype=bool)
-    by_night[list(_LIT_AT_NIGHT)] = True
-    light = np.where(by_night, 0.0, emission), np.where(by_night, emission, 0.0)
-    surface = [material_values("roughness"), material_values("porosity"), *light]
-    return np.stack(surface, axis=-1).astype(np.float32)
-
-
-def block_tables() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Blocks of every material as the shaders read them; those that are laid of none are one without tone.
-
-    Returns:
-        Columns and rows of a tile, offset of courses, frequency [1/m], (M, 4), and the range of the tones,
-        whether the texture's blocks are shuffled, and the mottle, (M, 3).
-    """
-    blocks, variety = np.tile([1.0, 1.0, 0.0, 0.0], (len(Material), 1)), np.zeros((len(Material), 3))
-    variety[:, 2] = mottle_table()[:, 0]
-    for material, pattern in BLOCK_PATTERNS.items():
-        blocks[material] = pattern.columns, pattern.rows, pattern.offset, pattern.cycles_per_m
-        variety[material, :2] = pattern.tone_range, pattern.shuffled
-    return blocks.astype(np.float32), variety.astype(np.float32)
-
-
-def upload_textures(
-    programs: Programs, albedo: NDArray[np.float16], *, trilinear: bool
-) -> moderngl.TextureArray:
-    """Texture array with one layer per material and mip-maps: square root of the albedo, and roughness.
-
-    Bytes take half as long to fetch as half floats. Mip-maps are averaged in linear light first.
-
-    Args:
-        programs: Shader programs of the context that it is for.
-        albedo: Linear albedo and roughness, shape (M, S, S, 4).
-        trilinear: Blend between mip levels; on a CPU it costs as much as the fetch itself.
-    """
-    context = programs.context
-    layers, height, width = albedo.shape[:3]
-    array = context.texture_array((width, height, layers), 4)
-    array.repeat_x = array.repeat_y = True
-    array.build_mipmaps()
-    program = programs.compute("roots.comp")
-    # Material by material: a driver keeps what was last read from even when it has been released.
-    linear = context.texture_array((width, height, 1), 4, dtype="f2")
-    for layer in range(layers):
-        linear.write(np.ascontiguousarray(albedo[layer], np.float16))
-        linear.build_mipmaps()
-        linear.filter = (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
-        linear.use(0)
-        program["u_layer"] = layer
-        for level in range(max(width, height).bit_length()):
-            array.bind_to_image(0, read=False, write=True, level=level)
-            program["u_level"] = level
-            program.run(-(-max(width >> level, 1) // 8), -(-max(height >> level, 1) // 8))
-    context.memory_barrier()
-    linear.release()
-    between = moderngl.LINEAR_MIPMAP_LINEAR if trilinear else moderngl.LINEAR_MIPMAP_NEAREST
-    array.filter = (between, moderngl.LINEAR)
-    if trilinear:
-        array.anisotropy = 8.0
-    return array
-
 
 VERTEX = np.dtype(
     [
@@ -161,7 +27,6 @@ VERTEX = np.dtype(
     ]
 )
 """One packed vertex, 36 bytes; `uv` counts texture repeats, `id` is tag << 24 | instance."""
-
 PACKED = ("vertices", "place_m", "triangles", "count", "solid")
 """Arrays of packed meshes: see `packed`."""
 _SOLID_SCENERY = (

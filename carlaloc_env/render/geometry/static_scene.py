@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.files.array_files import Arrays
 from carlaloc_env.core.freed_memory import give_back_freed_memory, give_back_mapped_pages
-from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse, cut, in_order
+from carlaloc_env.render.geometry.clusters import cut, in_order
+from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers, ranges
 from carlaloc_env.render.geometry.packed_meshes import PACKED, kept, packed, seen_from_front
 from carlaloc_env.render.views import CameraView

@@ -13,7 +13,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.geometry_pass import Casters
 from carlaloc_env.render.geometry.static_scene import StaticScene
-from carlaloc_env.render.gl_context import Programs, set_uniforms
+from carlaloc_env.render.shader_programs import Programs, set_uniforms
 from carlaloc_env.render.views import CameraView
 
 STATIC_SIZE_PX = 4096

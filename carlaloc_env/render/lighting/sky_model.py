@@ -12,6 +12,7 @@ import numpy as np
 
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.render.lighting.fixed_exposure import exposure
 from carlaloc_env.weather.parameters import WeatherParameters
 
 SKY_SIZE_PX = 512
@@ -24,7 +25,6 @@ SUN_MOST_CD_M2 = 120e3
 """Luminance at which the sun is cut [cd/m²]: several times what saturates a picture."""
 GROUND_ALBEDO = 0.18
 """Mean reflectance of the ground, which lights surfaces from below."""
-
 _XYZ_TO_RGB = (
     (3.2404542, -1.5371385, -0.4985314),
     (-0.9692660, 1.8760108, 0.0415560),
@@ -37,6 +37,24 @@ _SKY_SCALE = 0.75
 """Preetham's zenith is brighter than measured ones; this brings the sky to 17 klx at 45°."""
 _SKY_COLOUR = 0.62
 """Share of the sky's colour that is kept: cameras balance white for less blue shade."""
+_PEREZ = (
+    ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703)),
+    ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452)),
+    ((-0.0167, -0.2608), (-0.0950, 0.0092), (-0.0079, 0.2102), (-0.0441, -1.6537), (-0.0109, 0.0529)),
+)
+"""Slope and offset by turbidity of Perez' five coefficients, for Y, x and y (Preetham et al., A.2)."""
+_ZENITH_X = (
+    (0.00166, -0.00375, 0.00209, 0.0),
+    (-0.02903, 0.06377, -0.03202, 0.00394),
+    (0.11693, -0.21196, 0.06052, 0.25886),
+)
+"""Polynomial of the zenith's chromaticity x in turbidity and solar zenith angle (ibid.)."""
+_ZENITH_Y = (
+    (0.00275, -0.00610, 0.00317, 0.0),
+    (-0.04214, 0.08970, -0.04153, 0.00516),
+    (0.15346, -0.26756, 0.06670, 0.26688),
+)
+"""The same of y."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,43 +100,6 @@ def sky_light(weather: WeatherParameters) -> SkyLight:
         fog_cd_m2=_fog(weather, sky, directions, diffuse_lx),
         exposure=exposure(float(np.sum(horizontal_lx * _LUMA))),
     )
-
-
-def exposure(horizontal_lx: float) -> float:
-    """Picture value per luminance [m²/cd] of a fixed exposure for an illuminance of the ground [lx].
-
-    ``1 / (1.2 · 2^EV100)`` (Lagarde and de Rousiers 2014). It belongs to the weather, not to the
-    picture, so that it has no history and brighter streets stay brighter.
-    """
-    log_lx = math.log10(max(horizontal_lx, 0.1))
-    ev100 = float(np.interp(log_lx, [0.7, 1.5, 3.0, 4.0, 4.3, 4.9], [2.8, 4.0, 10.0, 12.8, 13.62, 13.5]))
-    return float(1.0 / (1.2 * 2.0**ev100))
-
-
-F_NUMBER = 2.0
-"""Of the lens, a usual one of cameras that also drive by night."""
-
-
-def exposure_time_s(value_per_cd_m2: float) -> float:
-    """Exposure time [s] that belongs to an `exposure`: f/2 and ISO 100, within 2 to 15 ms.
-
-    Beyond 15 ms a camera on a moving car raises its gain instead.
-    """
-    return float(np.clip(F_NUMBER**2 * 1.2 * value_per_cd_m2, 0.002, 0.015))
-
-
-ELECTRONS_PER_CD_M2_S = 2000.0 * (2.8 / F_NUMBER) ** 2
-"""Electrons in a pixel of 3 µm behind this lens per luminance and time [e⁻/(cd/m²·s)]."""
-FULL_WELL_E = 10000.0
-"""Most electrons in such a pixel [e⁻]."""
-READ_NOISE_E = 2.0
-"""Standard deviation of reading it [e⁻]."""
-
-
-def electrons(value_per_cd_m2: float) -> float:
-    """Electrons of a pixel at picture value 1 [e⁻]: 10 000 by day, some hundred in a lit street at night."""
-    gathered = ELECTRONS_PER_CD_M2_S * exposure_time_s(value_per_cd_m2) / value_per_cd_m2
-    return min(gathered, FULL_WELL_E)
 
 
 def hemisphere() -> tuple[Array, Array]:
@@ -211,26 +192,6 @@ def _preetham(weather: WeatherParameters, directions: Array) -> Array:
     rgb[..., 0] = np.minimum(rgb[..., 0], rgb[..., 1] * (0.95 + 1.0 * low))
     grey = np.sum(np.maximum(rgb, 0.0) * _LUMA, axis=-1, keepdims=True)
     return np.asarray(np.maximum(rgb, 0.0) * _SKY_COLOUR + grey * (1.0 - _SKY_COLOUR), dtype=np.float64)
-
-
-_PEREZ = (
-    ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703)),
-    ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452)),
-    ((-0.0167, -0.2608), (-0.0950, 0.0092), (-0.0079, 0.2102), (-0.0441, -1.6537), (-0.0109, 0.0529)),
-)
-"""Slope and offset by turbidity of Perez' five coefficients, for Y, x and y (Preetham et al., A.2)."""
-_ZENITH_X = (
-    (0.00166, -0.00375, 0.00209, 0.0),
-    (-0.02903, 0.06377, -0.03202, 0.00394),
-    (0.11693, -0.21196, 0.06052, 0.25886),
-)
-"""Polynomial of the zenith's chromaticity x in turbidity and solar zenith angle (ibid.)."""
-_ZENITH_Y = (
-    (0.00275, -0.00610, 0.00317, 0.0),
-    (-0.04214, 0.08970, -0.04153, 0.00516),
-    (0.15346, -0.26756, 0.06670, 0.26688),
-)
-"""The same of y."""
 
 
 def _perez(

@@ -28,30 +28,32 @@ from carlaloc_env.render.textures.ground import (
 from carlaloc_env.render.textures.noise import Layer, levelled, softened
 from carlaloc_env.render.textures.shop_signs import billboards, number_plates, shop_signs
 from carlaloc_env.render.textures.signs_and_posters import posters, signs
-from carlaloc_env.render.textures.walls_and_things import (
-    ashlar,
+from carlaloc_env.render.textures.things import (
     bark,
-    brick,
     car_paint,
     cloth,
-    concrete_panel,
-    curtain_wall,
     galvanised,
     glass,
     lamp,
     leaf,
     painted_metal,
     plain,
-    plaster,
     plastic,
-    roof_tile,
     rubber,
+    skin,
+    wood,
+)
+from carlaloc_env.render.textures.walls import (
+    ashlar,
+    brick,
+    concrete_panel,
+    curtain_wall,
+    plaster,
+    roof_tile,
     rubble,
     sheet_metal,
     siding,
-    skin,
     slate,
-    wood,
 )
 from carlaloc_env.render.textures.windows_and_doors import (
     doors,

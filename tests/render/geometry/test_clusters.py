@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from carlaloc_env.render.geometry.level_of_detail import CLUSTER_TRIANGLES, SIZES_M, cut, in_order
+from carlaloc_env.render.geometry.clusters import (
+    CLUSTER_TRIANGLES,
+    SIZES_M,
+    cut,
+    in_order,
+)
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

@@ -21,9 +21,9 @@ from carlaloc_env.core import transforms
 from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, gathered
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
+from carlaloc_env.render.lighting.light_grid import LIGHT_CUTOFF, light_grid
 from carlaloc_env.render.lighting.light_sources import nearest, street_lamps
 from carlaloc_env.render.lighting.light_tiles import TILE_PX, DepthRange
-from carlaloc_env.render.lighting.night_lighting import LIGHT_CUTOFF, light_grid
 from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from carlaloc_env.render.geometry.packed_meshes import without_doubles
+from carlaloc_env.render.geometry.unique_vertices import without_doubles
 
 ROW = np.dtype([("position", "<f4", 3), ("id", "<u4")])
 

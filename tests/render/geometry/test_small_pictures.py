@@ -7,7 +7,8 @@ from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, Distant, coarse, levels
+from carlaloc_env.render.geometry.distant_models import Distant, levels
+from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, coarse
 from carlaloc_env.render.geometry.static_scene import _cells
 from carlaloc_env.render.lighting import shadow_maps
 from carlaloc_env.scene.materials import Material

@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
 
-from carlaloc_env.render.gl_context import give_back, take_programs
-from carlaloc_env.render.lighting.shading_passes import shader_constants
+from carlaloc_env.render.lighting.shader_constants import shader_constants
+from carlaloc_env.render.shader_programs import give_back, take_programs
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, ModelLibrary
 from carlaloc_env.weather.parameters import PRESETS

@@ -19,16 +19,15 @@ from shared_fixtures.worlds.render_scenes import (
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.lighting.light_sources import (
+from carlaloc_env.render.lighting.light_grid import LOOPS, Fog, light_grid
+from carlaloc_env.render.lighting.light_sources import nearest, street_lamps
+from carlaloc_env.render.lighting.light_tiles import TILE_PX, DepthRange
+from carlaloc_env.render.lighting.model_lamps import (
     BEAM_RANGE_M,
     HEADLAMP_COLOUR,
     HEADLAMP_LIGHT,
     Emitters,
-    nearest,
-    street_lamps,
 )
-from carlaloc_env.render.lighting.light_tiles import TILE_PX, DepthRange
-from carlaloc_env.render.lighting.night_lighting import LOOPS, Fog, light_grid
 from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge

@@ -7,8 +7,8 @@ from shared_fixtures.worlds.render_scenes import FORWARD, ground, need_opengl, q
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.gl_context import create_context
+from carlaloc_env.render.lighting.skies import Skies
 from carlaloc_env.render.lighting.sky_model import sky_light
-from carlaloc_env.render.lighting.uniforms import Skies
 from carlaloc_env.render.rain_layer import developed
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary

@@ -22,18 +22,12 @@ from shared_fixtures.worlds.render_scenes import (
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.gl_context import glsl
-from carlaloc_env.render.lighting.light_sources import (
-    BEAM_RANGE_M,
-    EGO_HEADLAMPS_M,
-    HEADLAMP_LIGHT,
-    batwing_gain,
-    range_window,
-    street_lamps,
-)
-from carlaloc_env.render.lighting.light_table import low_beam_cd
-from carlaloc_env.render.lighting.shading_passes import shader_constants
+from carlaloc_env.render.lighting.light_sources import batwing_gain, range_window, street_lamps
+from carlaloc_env.render.lighting.low_beam import low_beam_cd
+from carlaloc_env.render.lighting.model_lamps import BEAM_RANGE_M, EGO_HEADLAMPS_M, HEADLAMP_LIGHT
+from carlaloc_env.render.lighting.shader_constants import shader_constants
 from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
+from carlaloc_env.render.shader_programs import glsl
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances
 from carlaloc_env.weather.parameters import WeatherParameters

@@ -19,7 +19,7 @@ from carlaloc_env.render.lighting.light_sources import (
     range_window,
     street_lamps,
 )
-from carlaloc_env.render.lighting.light_table import low_beam_cd
+from carlaloc_env.render.lighting.low_beam import low_beam_cd
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.rain_drops import NEAR_M, SIZES_MM, Streaks, lit, rain_streaks, terminal_mps
 from carlaloc_env.render.rain_layer import RainLayer

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from carlaloc_env.assets.texture_atlas import BILLBOARDS, SHOP_NAMES
-from carlaloc_env.render.textures.canvas import FACES, Canvas, face
+from carlaloc_env.render.textures.canvas import Canvas
+from carlaloc_env.render.textures.letters import FACES, face
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 

@@ -6,7 +6,8 @@ import pytest
 from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
 
 from carlaloc_env.render import gl_context
-from carlaloc_env.render.gl_context import create_context, hoisted
+from carlaloc_env.render.flat_uniforms import hoisted
+from carlaloc_env.render.gl_context import create_context
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.weather.parameters import PRESETS
 

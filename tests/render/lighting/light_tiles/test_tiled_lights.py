@@ -6,9 +6,14 @@ from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
 
 from carlaloc_env.render.lighting import night_lighting
+from carlaloc_env.render.lighting.light_grid import (
+    LIGHT_CUTOFF,
+    LOOPS,
+    Fog,
+    LightGrid,
+)
 from carlaloc_env.render.lighting.light_sources import Lights
 from carlaloc_env.render.lighting.light_tiles import DepthRange, TileGroups, every_tile
-from carlaloc_env.render.lighting.night_lighting import LIGHT_CUTOFF, LOOPS, Fog, LightGrid
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.mesh import Instances
