@@ -114,9 +114,9 @@ class RayScene:
         if "ego" in self._library.names:
             hits = self._model(self._library.index("ego")).trace(rays, range_max_m)
         if carried is not None:
-            found = Surface(self._o3d, carried).trace(rays, range_max_m)
-            nearer = np.flatnonzero(found.range_m < hits.range_m)
-            hits.put(nearer, found.take(nearer))
+            carried_hits = Surface(self._o3d, carried).trace(rays, range_max_m)
+            nearer = np.flatnonzero(carried_hits.range_m < hits.range_m)
+            hits.put(nearer, carried_hits.take(nearer))
         hits.instance[np.isfinite(hits.range_m)] = EGO_INSTANCE
         return hits
 
@@ -143,13 +143,13 @@ class RayScene:
         times, back = np.unique(stamps_ns, return_inverse=True)
         motion = timeline.ego_motion(times)
         to_body = transforms.quat_conjugate(motion.quat_xyzw)[back]
-        found = self.cast_ego(
+        ego_hits = self.cast_ego(
             transforms.quat_rotate(to_body, origins_m - motion.position_m[back]),
             transforms.quat_rotate(to_body, directions),
             range_max_m,
         )
-        rows = np.flatnonzero(found.range_m < hits.range_m)
-        hits.put(rows, found.take(rows))
+        rows = np.flatnonzero(ego_hits.range_m < hits.range_m)
+        hits.put(rows, ego_hits.take(rows))
 
     def _trace_actors(
         self, hits: Hits, rays: F32, stamps_ns: NDArray[np.int64], timeline: Timeline, range_max_m: float
@@ -176,12 +176,12 @@ class RayScene:
             position[steps, 1] -= behind * elementary.sin(heading[steps])
         offset = rays[near, :3].astype(np.float64) - (position - self.middle_m)
         local = into_actor_frame(offset, rays[near, 3:], heading, pitch, roll)
-        found = self._trace_kinds(local, kind, range_max_m)
-        found.instance[:] = snapshot.catalog.id[actors]
-        nearer = np.flatnonzero(found.range_m < hits.range_m[near])
+        actor_hits = self._trace_kinds(local, kind, range_max_m)
+        actor_hits.instance[:] = snapshot.catalog.id[actors]
+        nearer = np.flatnonzero(actor_hits.range_m < hits.range_m[near])
         # Where several actors lie behind each other, the nearest is written last.
-        nearer = nearer[np.argsort(-found.range_m[nearer], kind="stable")]
-        hits.put(near[nearer], found.take(nearer))
+        nearer = nearer[np.argsort(-actor_hits.range_m[nearer], kind="stable")]
+        hits.put(near[nearer], actor_hits.take(nearer))
 
     def _trace_kinds(self, local: F32, kind: NDArray[np.intp], range_max_m: float) -> Hits:
         """Hits of rays in their actors' frames, each on the model and steering of its kind."""
@@ -192,10 +192,10 @@ class RayScene:
             model, step = divmod(int(sorted_kind[begin]), _STEER_KINDS)
             surface = self._model(model, step - _STEER_KINDS // 2)
             parts.append((begin, end, surface.trace(sorted_rays[begin:end], range_max_m)))
-        found = Hits.none(len(kind))
+        hits = Hits.none(len(kind))
         for begin, end, part in parts:
-            found.put(order[begin:end], part)
-        return found
+            hits.put(order[begin:end], part)
+        return hits
 
     def _cylinders(self, models: NDArray[np.intp], frame: ActorFrame, half_span_s: float) -> Cylinders:
         """Around all that each actor covers while the rays are cast."""

@@ -57,7 +57,7 @@ class Surface:
         if self._scene is not None:
             # Embree has copies of its own.
             self._scene.add_triangles(self._tensor(vertices_m), self._tensor(triangles))
-        found = read_only(
+        arrays = read_only(
             {
                 "triangles": triangles,
                 "vertices_m": vertices_m,
@@ -67,9 +67,9 @@ class Surface:
             }
         )
         if shared:
-            found = in_shared_memory(found, "ray-triangles", "rays", module=__name__, kept_files=KEPT_FILES)
-        self._corners = found["triangles"], found["vertices_m"]
-        self._labels = found["tag"], found["instance"], found["material"]
+            arrays = in_shared_memory(arrays, "ray-triangles", "rays", module=__name__, kept_files=KEPT_FILES)
+        self._corners = arrays["triangles"], arrays["vertices_m"]
+        self._labels = arrays["tag"], arrays["instance"], arrays["material"]
 
     def trace(self, rays: F32, range_max_m: float) -> Hits:
         """First hits of rays given as origins [m] and directions in the triangles' frame, shape (N, 6).
@@ -95,15 +95,15 @@ class Surface:
         for _ in range(_LAYERS):
             onward = rays[left].copy()
             onward[:, :3] += onward[:, 3:] * (last_m[left, None] + _AHEAD_M)
-            found = self._outsides(onward, GAP_M)
-            found.range_m[:] += last_m[left] + _AHEAD_M
-            inside, nearer = np.isfinite(found.range_m), found.range_m < end_m[left]
-            solid = nearer & (found.material != Material.LEAF)
-            hits.put(rows[left[solid]], found.take(solid))
+            onward_hits = self._outsides(onward, GAP_M)
+            onward_hits.range_m[:] += last_m[left] + _AHEAD_M
+            inside, nearer = np.isfinite(onward_hits.range_m), onward_hits.range_m < end_m[left]
+            solid = nearer & (onward_hits.material != Material.LEAF)
+            hits.put(rows[left[solid]], onward_hits.take(solid))
             within = left[inside & ~nearer]
             hits.range_m[rows[within]] = end_m[within]
             more = nearer & ~solid
-            last_m[left[more]] = found.range_m[more]
+            last_m[left[more]] = onward_hits.range_m[more]
             ends = left[more | ~inside]
             hits.range_m[rows[ends]] = last_m[ends]
             left = left[more]
@@ -129,8 +129,8 @@ class Surface:
         """Unit normals of the triangles that rays meet first, zeros where there is none, shape (N, 3)."""
         if self._scene is None or len(rays) == 0:
             return np.zeros((len(rays), 3), np.float32)
-        found: F32 = self._scene.cast_rays(self._tensor(rays))["primitive_normals"].numpy()
-        return found
+        unit_normals: F32 = self._scene.cast_rays(self._tensor(rays))["primitive_normals"].numpy()
+        return unit_normals
 
 
 @compiled

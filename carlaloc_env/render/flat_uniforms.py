@@ -19,13 +19,13 @@ def hoisted(vertex: str, fragment: str) -> tuple[str, str]:
         vertex: Source without `#version`, with one `void main() {` line.
         fragment: Source without `#version`, uniforms declared one to a line.
     """
-    known = {uniform[2] for uniform in _UNIFORM.finditer(vertex)}
+    vertex_uniforms = {uniform[2] for uniform in _UNIFORM.finditer(vertex)}
     renamed, declared, copied = "", "", ""
     for line in fragment.split("\n"):
         if uniform := _UNIFORM.match(line):
             declaration, name = uniform.groups()
             renamed += f"#define {name} flat_{name}\n"
-            declared += "" if name in known else f"uniform {declaration}\n"
+            declared += "" if name in vertex_uniforms else f"uniform {declaration}\n"
             declared += f"flat out {declaration.replace(name, f'flat_{name}', 1)}\n"
             copied += f"    flat_{name} = {name};\n"
         elif line.startswith("#"):

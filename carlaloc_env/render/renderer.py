@@ -150,8 +150,8 @@ class SceneRenderer:
         view = CameraView.of(camera, T_world_camera, self._subsamples, velocity_mps)
         near = instances.take(np.flatnonzero(distance_m(instances, view) < ACTOR_SHADOW_RANGE_M))
         # Read before the context is entered: on leaving an inner `with` none would be current.
-        known = None if earlier is None else self._carried(view, earlier)
-        plan = self._geometry_pass.plan(view, self._geometry_pass.simplified(instances, view), known)
+        occluders = None if earlier is None else self._carried(view, earlier)
+        plan = self._geometry_pass.plan(view, self._geometry_pass.simplified(instances, view), occluders)
 
         def drawn() -> GBuffer:
             with self._context:

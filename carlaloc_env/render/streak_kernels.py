@@ -86,7 +86,7 @@ def streak_pixels(
         diameters: [m], shape (N,).
         light: Light and opacity, shape (N, 4).
         intrinsics: Focal lengths and principal point [px], shape (4,).
-        image: sRGB codes of what lies behind, shape (H·W, 4), or none where it is not known.
+        image: sRGB codes of what lies behind, shape (H·W, 4), or empty where there is no image.
         light_of_code: Exposed light of every code, shape (256,).
         unseen_of_code: Largest invisible change of it, shape (256,).
 
@@ -134,8 +134,8 @@ def streak_pixels(
                 if share < 1e-6:
                     continue
                 if layer[pixel, 3] == 0.0:
-                    known = image.size > 0
-                    if known and not _shows(image, pixel, light, n, share, light_of_code, unseen_of_code):
+                    has_image = image.size > 0
+                    if has_image and not _shows(image, pixel, light, n, share, light_of_code, unseen_of_code):
                         continue
                     touched[count] = pixel
                     count += 1

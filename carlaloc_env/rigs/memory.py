@@ -57,8 +57,8 @@ def check_memory(rig: SensorRig, *, quality: str = "medium", weathers: int = 1, 
 
 def available_bytes() -> int | None:
     """Memory that may still be taken here [bytes], also inside a container; None where it is not known."""
-    found = [size for size in (_free_of_machine(), _free_of_container()) if size is not None]
-    return min(found, default=None)
+    free_bytes = [size for size in (_free_of_machine(), _free_of_container()) if size is not None]
+    return min(free_bytes, default=None)
 
 
 def _sensor_bytes(config: Any, quality: str, weathers: int) -> int:

@@ -183,11 +183,11 @@ class Rig:
         Returns:
             Samples by stamp, those of one stamp in the order of the rig.
         """
-        found: list[tuple[int, int, Sample]] = []
+        samples: list[tuple[int, int, Sample]] = []
         for place, sensor in enumerate(self.sensors):
             stamps = self.stamps_ns(sensor, first_ns, end_ns)
-            found += [(sample.stamp_ns, place, sample) for sample in sensor.measure(timeline, stamps)]
-        return [sample for _, _, sample in sorted(found, key=lambda item: item[:2])]
+            samples += [(sample.stamp_ns, place, sample) for sample in sensor.measure(timeline, stamps)]
+        return [sample for _, _, sample in sorted(samples, key=lambda item: item[:2])]
 
     @staticmethod
     def stamps_ns(sensor: Sensor, first_ns: int, end_ns: int) -> list[int]:

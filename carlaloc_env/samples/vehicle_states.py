@@ -41,7 +41,7 @@ class GnssFix(Sample):
     has_fix: bool = True
     """Whether enough satellites were seen; without a fix the place is NaN."""
     solution: str = "single"
-    """How the place was found: ``none``, ``single``, or with a base station ``float`` or ``fixed``."""
+    """Kind of solution: ``none``, ``single``, or with a base station ``float`` or ``fixed``."""
     satellites: int = 0
     """Number of satellites used [1]; 0 where none are modelled."""
 

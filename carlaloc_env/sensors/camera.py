@@ -66,7 +66,7 @@ class CameraSensor(Camera):
         [px], normals (H, W, 3), counts of brighter and darker events (H, W, 2).
         """
         shape = (self.config.pinhole.height_px, self.config.pinhole.width_px)
-        known: dict[str, spaces.Space[Any]] = {
+        spaces_of: dict[str, spaces.Space[Any]] = {
             "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
             "depth": spaces.Box(0.0, FAR_M, shape, np.float32),
             "semantic": spaces.Box(0, max(Tag), shape, np.uint8),
@@ -74,7 +74,8 @@ class CameraSensor(Camera):
             "normal": spaces.Box(-1.0, 1.0, (*shape, 3), np.float32),
             "events": spaces.Box(0, 255, (*shape, 2), np.uint8),
         }
-        return {self._stream(output): known[output] for output in OUTPUTS if output in self.config.outputs}
+        outputs = self.config.outputs
+        return {self._stream(output): spaces_of[output] for output in OUTPUTS if output in outputs}
 
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
         """Pictures under the world's weather at the given stamps [ns]."""

@@ -223,8 +223,8 @@ class GnssSensor(Sensor):
         return "fixed" if count >= 8 and hidden < 0.5 else "float"
 
     def _fix(self, stamp_ns: int, position_m: Array, covariance: Array, solution: str, count: int) -> GnssFix:
-        found = solution != "none"
-        fix = self._world.geo.enu_to_geodetic(position_m) if found else np.full(3, np.nan)
+        has_fix = solution != "none"
+        fix = self._world.geo.enu_to_geodetic(position_m) if has_fix else np.full(3, np.nan)
         return GnssFix(
             sensor=self.config.name,
             frame_id=self.config.frame_id,
@@ -233,7 +233,7 @@ class GnssSensor(Sensor):
             longitude_deg=float(fix[1]),
             altitude_m=float(fix[2]),
             covariance_enu_m2=self._world.geo.covariance_enu(covariance),
-            has_fix=found,
+            has_fix=has_fix,
             solution=solution,
             satellites=count,
         )

@@ -58,13 +58,13 @@ class Detector:
         config = self._config
         generator = clock.stream(self._world.seed, f"{config.frame_id}/detections", stamp_ns)
         loss = rain_loss_db_per_m(weather.rain_mmph) if config.weather else 0.0
-        found = [
+        groups = [
             self._detect(cells, THING, generator, loss),
             self._detect(ghosts, GHOST, generator, loss),
             self._clutter(generator, motion),
         ]
         range_m, azimuth, elevation, doppler, snr, tag, instance, origin = (
-            np.concatenate(column) for column in zip(*found, strict=True)
+            np.concatenate(column) for column in zip(*groups, strict=True)
         )
         keep = np.flatnonzero((range_m >= config.range_min_m) & (range_m <= config.range_max_m))
         keep = keep[np.argsort(-snr[keep], kind="stable")][: config.detections_max]
@@ -108,20 +108,20 @@ class Detector:
         snr = self._mean_snr(*positions, echoes.rcs_m2, loss_db_per_m)
         uniform, normal = 1.0 - generator.random(len(echoes)), generator.standard_normal((len(echoes), 4))
         seen, measured = detect(snr, self._config.pfa, uniform)
-        found, normal = echoes.take(seen), normal[seen]
-        values = (found.range_m, found.azimuth_rad, found.elevation_rad, found.doppler_mps)
+        detected, normal = echoes.take(seen), normal[seen]
+        values = (detected.range_m, detected.azimuth_rad, detected.elevation_rad, detected.doppler_mps)
         measurement = [
             value + errors(measured, size, normal[:, k])
             for k, (value, size) in enumerate(zip(values, self.cell, strict=True))
         ]
         real = origin == THING
-        nothing = np.zeros(len(found), np.uint8)
+        nothing = np.zeros(len(detected), np.uint8)
         return (
             *measurement,
             measured,
-            found.tag if real else nothing,
-            found.instance if real else nothing.astype(np.uint32),
-            np.full(len(found), origin, np.uint8),
+            detected.tag if real else nothing,
+            detected.instance if real else nothing.astype(np.uint32),
+            np.full(len(detected), origin, np.uint8),
         )
 
     def _clutter(self, generator: np.random.Generator, motion: Motion) -> tuple[NDArray[Any], ...]:

@@ -223,19 +223,19 @@ class LidarConfig(SensorConfig):
         Raises:
             ConfigError: `beams` is no whole number, out of range, or beside `elevations_deg`.
         """
-        found = super(LidarConfig, cls).file_values(values, base)
-        if "beams" not in found:
-            return found
-        beams, most = found.pop("beams"), int(LIMITS["lidar"]["elevations_deg"].high)
+        merged = super(LidarConfig, cls).file_values(values, base)
+        if "beams" not in merged:
+            return merged
+        beams, most = merged.pop("beams"), int(LIMITS["lidar"]["elevations_deg"].high)
         if not isinstance(beams, int) or not 2 <= beams <= most:
             raise ConfigError(f"beams: {beams!r}; give a whole number from 2 to {most}")
         if "elevations_deg" in values:
             raise ConfigError("beams and elevations_deg exclude each other; give one of them")
-        span_deg = found.get("elevations_deg", PAPER_ELEVATIONS_DEG)
-        found["elevations_deg"] = np.linspace(span_deg[0], span_deg[-1], beams).round(9).tolist()
+        span_deg = merged.get("elevations_deg", PAPER_ELEVATIONS_DEG)
+        merged["elevations_deg"] = np.linspace(span_deg[0], span_deg[-1], beams).round(9).tolist()
         if "firing_ns" not in values:
-            found["firing_ns"] = ()  # those of another number of beams
-        return found
+            merged["firing_ns"] = ()  # those of another number of beams
+        return merged
 
     @property
     def near_m(self) -> float:

@@ -18,7 +18,7 @@ from shared_fixtures.worlds.render_scenes import (
 )
 
 from carlaloc_env.core import transforms
-from carlaloc_env.render.lighting import night_lighting
+from carlaloc_env.render.lighting import light_grid, night_lighting
 from carlaloc_env.render.lighting.fixed_exposure import READ_NOISE_E, electrons
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.views import QUALITIES
@@ -90,7 +90,7 @@ def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch)
         gbuffer = renderer.draw(CAMERA, FORWARD, EGO)
         sparse = renderer.radiance_cd_m2(gbuffer, night) * exposure
         shares: list[float] = []
-        search = night_lighting.keep_lit
+        search = light_grid.keep_lit
 
         def counting(mask: NDArray[np.bool_], *rest: Any) -> None:
             whole = mask.copy()
@@ -98,11 +98,11 @@ def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch)
             shares.append(np.count_nonzero(mask) / np.count_nonzero(whole))
             mask[:] = whole
 
-        monkeypatch.setattr(night_lighting, "keep_lit", counting)
+        monkeypatch.setattr(light_grid, "keep_lit", counting)
         whole = renderer.radiance_cd_m2(gbuffer, night) * exposure
     assert len(shares) == 1
     assert max(shares) < 0.8
-    assert np.abs(sparse - whole).mean() < 0.2 * night_lighting.LIGHT_CUTOFF
+    assert np.abs(sparse - whole).mean() < 0.2 * light_grid.LIGHT_CUTOFF
     # The noise of reading the darkest pixel hides the rest, but for some pixels of thin posts.
     noise = READ_NOISE_E / electrons(exposure)
     assert np.quantile(np.abs(sparse - whole), 0.9995) < noise

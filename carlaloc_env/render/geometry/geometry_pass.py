@@ -135,38 +135,38 @@ class GeometryPass:
         """How large spheres round instances, or round their cars, look [px], shape (N,)."""
         return np.asarray(self._size_m[instances.model] * view.camera.fx_px / distance_m(instances, view))
 
-    def plan(self, view: CameraView, instances: Instances, known: Depths | None = None) -> Plan:
+    def plan(self, view: CameraView, instances: Instances, occluders: Depths | None = None) -> Plan:
         """Choose and order the parts to draw; nothing is drawn yet.
 
         Args:
             view: Camera.
             instances: Movable models.
-            known: Depths that hide other things, if they are known before anything is drawn; read back from
-                the half-drawn picture when left out.
+            occluders: Depths that hide other things, of the picture before; read back from the half-drawn
+                picture when left out.
         """
-        found, away = self.scenery.in_view(view, farther=self._farther(view))
+        clusters, away = self.scenery.in_view(view, farther=self._farther(view))
         seen = self._visible_instances(view, instances)
-        if known is not None:
-            shown = self._shown(known, found)
-            found, away = found[shown], away[shown]
-            seen = seen[known.shown(self._corners_m(instances, seen))]
+        if occluders is not None:
+            shown = self._shown(occluders, clusters)
+            clusters, away = clusters[shown], away[shown]
+            seen = seen[occluders.shown(self._corners_m(instances, seen))]
         table = self.scenery.clusters
-        large, culled = table.large[found], table.culled[found]
-        if known is not None:
-            # Depths are known already: one round is enough for the rest.
+        large, culled = table.large[clusters], table.culled[clusters]
+        if occluders is not None:
+            # Depths are there already: one round is enough for the rest.
             first = np.where(large, away < LARGE_M, culled & (away < NEAR_ROUND_M))
             none = np.zeros(0, np.intp)
             rounds = [
-                Round(clusters=found[first], instances=none, looks=False),
-                Round(clusters=found[~first], instances=seen, looks=False),
+                Round(clusters=clusters[first], instances=none, looks=False),
+                Round(clusters=clusters[~first], instances=seen, looks=False),
             ]
         elif self._live and _is_small(view):
-            rounds = [Round(clusters=found, instances=seen, looks=False)]
+            rounds = [Round(clusters=clusters, instances=seen, looks=False)]
         else:
             turn = np.where(large & (away < LARGE_M), 1, _turn(away))
             later = _turn(distance_m(instances, view)[seen])
             rounds = [
-                Round(clusters=found[turn == now], instances=seen[later == now], looks=now > 1)
+                Round(clusters=clusters[turn == now], instances=seen[later == now], looks=now > 1)
                 for now in range(4)
             ]
         return Plan(view=view, instances=instances, rounds=rounds)

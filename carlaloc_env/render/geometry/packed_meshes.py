@@ -127,7 +127,7 @@ def kept(
     mark = arrays_hash(parts)
     for part in parts.values():
         give_back_mapped_pages(part)
-    found = cached(
+    packed_arrays = cached(
         name,
         "packed",
         module=module,
@@ -137,7 +137,7 @@ def kept(
         content=content + mark,
         kept_files=kept_files,
     )
-    return read_only(found)
+    return read_only(packed_arrays)
 
 
 def packed_models(meshes: Sequence[Mesh], simpler: Sequence[tuple[int, int]] = ()) -> Arrays:

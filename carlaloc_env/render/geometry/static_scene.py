@@ -207,31 +207,31 @@ def _cut_level(chunks: Sequence[Mesh], cells: Sequence[Index], level: int) -> li
         give_back_mapped_pages(chunk.vertices_m)
     front, sort = _sorts(whole)
     layer, number = np.where(front, len(_SORTS), 0) + sort, int(of.max(initial=0)) + 1
-    found = cut(whole, layer * number + of)
-    owner = found.group // number
-    end = np.cumsum(found.count)
+    clusters = cut(whole, layer * number + of)
+    owner = clusters.group // number
+    end = np.cumsum(clusters.count)
     parts = []
     for k, (culled, _) in enumerate(_LAYERS):
         part = slice(*np.searchsorted(owner, [k, k + 1]))
         first, last = np.concatenate([[0], end])[[part.start, part.stop]]
-        count = found.count[part]
+        count = clusters.count[part]
         table = _Table(
-            low_m=found.low_m[part],
-            high_m=found.high_m[part],
-            large=found.large[part],
-            cell=found.group[part] % number,
+            low_m=clusters.low_m[part],
+            high_m=clusters.high_m[part],
+            large=clusters.large[part],
+            cell=clusters.group[part] % number,
             level=np.full(len(count), level),
             culled=np.full(len(count), culled),
         )
-        parts.append(_Part(mesh=in_order(whole, found.order[first:last]), count=count, table=table))
+        parts.append(_Part(mesh=in_order(whole, clusters.order[first:last]), count=count, table=table))
     return parts
 
 
 def _coarse(chunk: Mesh, how: Coarseness) -> tuple[Mesh, Index]:
     """A coarser level of a chunk; of a town's file no more is in memory meanwhile than of one chunk."""
-    found = coarse(chunk, how)
+    coarser = coarse(chunk, how)
     give_back_mapped_pages(chunk.vertices_m)
-    return found
+    return coarser
 
 
 def _cells(chunks: Sequence[Mesh], edge_m: float) -> tuple[list[Index], NDArray[np.int64]]:

@@ -97,8 +97,8 @@ def _lit_by_lamp(points_m: Array, count: int, n: int, lamps: Array, axes: Array,
         above = max(cosine, 0.0)
         gain = min(1.0 / (above * above * above + 1e-3), most)
         fade = max(1.0 - far2 * per_range2 * far2 * per_range2, 0.0)
-        found = strength * fade * fade / far2 * gain * share * share * (3.0 - 2.0 * share)
-        points_m[6, k] = found if away * away <= TILT * TILT * far2 else 0.0
+        exposed_light = strength * fade * fade / far2 * gain * share * share * (3.0 - 2.0 * share)
+        points_m[6, k] = exposed_light if away * away <= TILT * TILT * far2 else 0.0
 
 
 @inlined
@@ -121,8 +121,8 @@ def _lit_by_beam(
             x * left_x + y * left_y + z * left_z,
             x * up_x + y * up_y + z * up_z,
         )
-        found = strength * fade * fade / far2 * beam
-        points_m[6, k] = found if away * away <= TILT * TILT * far2 else 0.0
+        exposed_light = strength * fade * fade / far2 * beam
+        points_m[6, k] = exposed_light if away * away <= TILT * TILT * far2 else 0.0
 
 
 @compiled

@@ -49,13 +49,13 @@ class Face:
             KeyError: a character that the face does not have.
         """
         begin = np.concatenate([[0], self.ends[:-1]])
-        found, x = [], 0.0
+        outlines, x = [], 0.0
         for character in words:
             number = self.number[character]
             for ring in np.flatnonzero(self.owners == number):
-                found.append(self.points[begin[ring] : self.ends[ring]] + np.array([x, 0.0], np.float32))
+                outlines.append(self.points[begin[ring] : self.ends[ring]] + np.array([x, 0.0], np.float32))
             x += float(self.advances[number])
-        return found
+        return outlines
 
 
 @cache

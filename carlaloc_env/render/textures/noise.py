@@ -151,8 +151,8 @@ def layer(
 def with_roughness(rgb: Field, roughness: ArrayLike) -> Layer:
     """Layer of a picture and its roughness."""
     alpha = np.broadcast_to(np.asarray(roughness, dtype=np.float32), rgb.shape[:2])[..., None]
-    found = np.concatenate([np.clip(rgb, 0.02, 0.85), np.clip(alpha, 0.02, 1.0)], axis=-1)
-    return found.astype(np.float32)
+    rgba = np.concatenate([np.clip(rgb, 0.02, 0.85), np.clip(alpha, 0.02, 1.0)], axis=-1)
+    return rgba.astype(np.float32)
 
 
 def levelled(tile: Layer, cycles: float) -> Layer:

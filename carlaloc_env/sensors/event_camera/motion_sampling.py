@@ -242,5 +242,5 @@ def _shows(field: Any, x: Any, y: Any, depth_m: Any) -> bool:
     if x < 0 or y < 0 or i > field.shape[1] - 2 or j > field.shape[0] - 2:
         return False
     nearest = min(min(field[j, i, 3], field[j, i + 1, 3]), min(field[j + 1, i, 3], field[j + 1, i + 1, 3]))
-    found: bool = nearest < np.float32(SURFACE_RATIO) * depth_m
-    return found
+    shown: bool = nearest < np.float32(SURFACE_RATIO) * depth_m
+    return shown

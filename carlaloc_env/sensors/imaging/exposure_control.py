@@ -81,7 +81,7 @@ class Imaging:
             draw: Draws the camera's view.
             swept: From `sweep`; None: the shutter is infinitely fast.
         """
-        found = []
+        images = []
         config = self._imager.config
         metered = self._chain.at(timeline, stamp_ns, tuple(weathers), *self._steps(weathers, draw))
         for weather, product_s in zip(weathers, metered.products_s, strict=True):
@@ -97,8 +97,8 @@ class Imaging:
                 light = draw(stamp_ns)[0].rained_cd_m2(
                     light, now, stamp_ns=stamp_ns, exposure_s=exposure_s, seed=self._seed
                 )
-            found.append(self._imager.picture(light, product_s, stamp_ns))
-        return found
+            images.append(self._imager.picture(light, product_s, stamp_ns))
+        return images
 
     def sweep(self, timeline: Timeline, stamp_ns: int, draw: Draw) -> Swept | None:
         """Pictures at the first and last light of a picture; None: the shutter is infinitely fast."""

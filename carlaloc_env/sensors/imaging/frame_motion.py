@@ -24,17 +24,17 @@ _RIM_PX = np.float32(0.6)
 def passing_surfaces(field: F32) -> F32:
     """Nearest surface that is over each tile at some time between the pictures, shape (h, w, 4).
 
-    A pole that sweeps past within one period is found by no pixel that sees neither its beginning
+    A pole that sweeps past within one period is surfaces by no pixel that sees neither its beginning
     nor its end: the tiles along its way remember it. Same four numbers as the field.
     """
     shape = -(-field.shape[0] // TILE_PX), -(-field.shape[1] // TILE_PX)
-    found, best = np.zeros((*shape, 4), np.float32), np.full(shape, np.float32(2 * SKY_M))
-    _fill_passing(field, found, best)
-    return found
+    surfaces, best = np.zeros((*shape, 4), np.float32), np.full(shape, np.float32(2 * SKY_M))
+    _fill_passing(field, surfaces, best)
+    return surfaces
 
 
 @compiled
-def _fill_passing(field: Any, found: Any, best: Any) -> None:
+def _fill_passing(field: Any, surfaces: Any, best: Any) -> None:
     rows, columns = best.shape
     size, one = np.float32(TILE_PX), np.float32(1)
     for row in range(rows):
@@ -78,8 +78,8 @@ def _fill_passing(field: Any, found: Any, best: Any) -> None:
                     for p in range(max(p0, 0), min(p1 + 1, columns)):
                         if near < best[q, p]:
                             best[q, p] = near
-                            found[q, p, 0], found[q, p, 1] = du, dv
-                            found[q, p, 2], found[q, p, 3] = ratio, depth
+                            surfaces[q, p, 0], surfaces[q, p, 1] = du, dv
+                            surfaces[q, p, 2], surfaces[q, p, 3] = ratio, depth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -100,5 +100,5 @@ def on_edges(range_m: F32, material: NDArray[np.uint8], columns: int) -> NDArray
     leafy = (material == Material.LEAF).reshape(columns, -1)
     crown = leafy & np.roll(leafy, 1, axis=0) & np.roll(leafy, -1, axis=0)
     bent = np.abs(before + after - 2.0 * near) > EDGE_M * nearest * nearest
-    found: NDArray[np.bool_] = (bent & ~crown).reshape(-1)
-    return found
+    edges: NDArray[np.bool_] = (bent & ~crown).reshape(-1)
+    return edges

@@ -85,12 +85,12 @@ def strongest_echoes(
         dry = solid.reflectance[ground]
         change[ground] = wet_reflectance(dry, solid.cos_incidence[ground], air.wetness) / dry
     best = solid.power * change * fade / (surface_m * surface_m)
-    found_m, strength = surface_m.copy(), solid.intensity * change * fade
+    echo_hits_m, strength = surface_m.copy(), solid.intensity * change * fade
     airborne = np.zeros(len(surface_m), dtype=np.bool_)
 
     def offer(power: Array, at_m: Array, brightness_m: Array) -> None:
         wins = np.flatnonzero((power > best) & (at_m < surface_m) & (at_m >= range_min_m))
-        best[wins], found_m[wins], airborne[wins] = power[wins], at_m[wins], True
+        best[wins], echo_hits_m[wins], airborne[wins] = power[wins], at_m[wins], True
         strength[wins] = 100.0 * power[wins] * brightness_m[wins] * brightness_m[wins]
 
     if air.backscatter_per_m_sr > 0:
@@ -109,8 +109,8 @@ def strongest_echoes(
         away = np.where(caught, spray_m, 1.0)
         echo = _SPRAY_REFLECTANCE * elementary.exp(-2.0 * alpha * away) / (away * away)
         offer(np.where(caught, echo, 0.0), away, away)
-    found_m[best < power_min] = np.inf
-    return found_m, np.clip(strength, 0.0, 255.0).astype(np.float32), airborne
+    echo_hits_m[best < power_min] = np.inf
+    return echo_hits_m, np.clip(strength, 0.0, 255.0).astype(np.float32), airborne
 
 
 class EchoModel:
@@ -196,9 +196,9 @@ class EchoModel:
             uniform=uniform,
         )
         seen = np.flatnonzero(np.isfinite(echo_m))
-        found = hits.take(seen)
+        echo_hits = hits.take(seen)
         soft = np.flatnonzero(airborne[seen])
-        found.put(soft, Hits.none(len(soft)))
-        found.range_m[:] = echo_m[seen]
-        found.cos_incidence[soft] = 1.0
-        return seen, found, intensity[seen]
+        echo_hits.put(soft, Hits.none(len(soft)))
+        echo_hits.range_m[:] = echo_m[seen]
+        echo_hits.cos_incidence[soft] = 1.0
+        return seen, echo_hits, intensity[seen]

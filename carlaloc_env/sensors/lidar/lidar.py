@@ -63,11 +63,11 @@ class LidarSensor(Sensor):
             "semantic": ([*low, 0.0, 0.0, 0.0], [*high, 1.0, 2.0**32, 255.0]),
         }
         shape = (self.config.rays, 1)
-        found: dict[str, spaces.Space[Any]] = {}
+        boxes: dict[str, spaces.Space[Any]] = {}
         for output, stream in self._stream_names().items():
             lowest, highest = (np.tile(np.array(row, np.float32), shape) for row in rows[output])
-            found[stream] = spaces.Box(lowest, highest)
-        return found
+            boxes[stream] = spaces.Box(lowest, highest)
+        return boxes
 
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
         """The clouds of the sweeps that begin at the given stamps [ns]."""
@@ -92,7 +92,7 @@ class LidarSensor(Sensor):
             clouds = self._clouds(stamp_ns, noise, cast, strength)
             return [clouds for _ in weathers]
         seen = (self._in_weather(timeline, stamp_ns, cast, weather) for weather in weathers)
-        return [self._clouds(stamp_ns, noise, *found) for found in seen]
+        return [self._clouds(stamp_ns, noise, *echoes) for echoes in seen]
 
     def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[Cast, F32]:
         """Rays of a sweep, what they meet and how strong that is in clear air.
@@ -192,7 +192,7 @@ class LidarSensor(Sensor):
                 wetness=air.wetness,
                 uniform=uniform[:, 5],
             )
-        seen, found, intensity = self._echoes.in_weather(hits, air, spray, uniform)
+        seen, echo_hits, intensity = self._echoes.in_weather(hits, air, spray, uniform)
         return Cast(
-            rays=rays[seen], hits=found, share=cast.share[seen], relief_m=cast.relief_m[seen]
+            rays=rays[seen], hits=echo_hits, share=cast.share[seen], relief_m=cast.relief_m[seen]
         ), intensity

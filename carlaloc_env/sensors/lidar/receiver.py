@@ -1,4 +1,4 @@
-"""From hits to measurements as a pulsed receiver makes them: echoes found or lost, ranges, intensities.
+"""From hits to measurements as a pulsed receiver makes them: echoes detected or lost, ranges, intensities.
 
 The amplitude of an echo over that of the weakest one is ρ(θ)·s·f·(reach/R)³/0.1 with the reflectance
 towards the source ρ(θ), the stretching s of pulses on slanting ground and the focus f near the sensor. Of a
@@ -110,7 +110,7 @@ class Receiver:
     def measure(
         self, ring: NDArray[np.uint16], hits: Hits, share: F32, relief_m: F32, normal: Array
     ) -> tuple[F32, F32]:
-        """Measured ranges [m], inf where no echo is found, and intensities 0–255, each (H,).
+        """Measured ranges [m], inf where no echo is detected, and intensities 0–255, each (H,).
 
         Args:
             ring: Laser of each shot, in the order of time, shape (H,).
@@ -224,10 +224,10 @@ def ground_relief(rays: F32, hits: Hits, rough: RoughTable, place: tuple[float, 
         place: World x and y of the rays' origin of coordinates [m], and the height of the beam [rad]: waves
             shorter than its mark on the ground are levelled out.
     """
-    found = np.zeros(len(hits), np.float32)
+    relief_m = np.zeros(len(hits), np.float32)
     surface = hits.range_m, hits.tag, hits.material, hits.cos_incidence
-    _heights(rays, surface, rough, _LEVELS, place, found)
-    return found
+    _heights(rays, surface, rough, _LEVELS, place, relief_m)
+    return relief_m
 
 
 @compiled

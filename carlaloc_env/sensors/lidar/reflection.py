@@ -136,9 +136,9 @@ def reflectance_towards_source(table: ReflectionTable, kind: int, cosine: float)
 
 def echo_power(table: ReflectionTable, hits: Hits) -> Array:
     """Strength of echoes without their R⁻², ten times as much for retro-reflectors, of N hits, shape (N,)."""
-    found = np.empty(len(hits))
-    _powers(table, hits.material, hits.cos_incidence, hits.tone, found)
-    return found
+    powers = np.empty(len(hits))
+    _powers(table, hits.material, hits.cos_incidence, hits.tone, powers)
+    return powers
 
 
 @compiled

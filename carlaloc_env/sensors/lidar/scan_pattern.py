@@ -88,31 +88,31 @@ class ScanPattern:
         world, aimed = self._world.rays(), self.aimed(timeline, stamp_ns, free)
         stamps_ns = stamp_ns + free_ns
         share, relief_m = np.ones(config.rays, np.float32), np.zeros(config.rays, np.float32)
-        found = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
+        free_hits = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
         if config.receiver:
             if config.receiver.edge_rays:
                 range_m, material = body.range_m.copy(), body.material.copy()
-                range_m[free], material[free] = found.range_m, found.material
+                range_m[free], material[free] = free_hits.range_m, free_hits.material
                 edges = np.flatnonzero(on_edges(range_m, material, config.columns)[free])
                 along = part_beams(aimed[edges, 3:].astype(np.float64), config.receiver)
                 mixed, share[free[edges]] = self._mixed(
-                    found.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power
+                    free_hits.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power
                 )
-                found.put(edges, mixed)
+                free_hits.put(edges, mixed)
             if config.receiver.relief:
-                rows, coat, height_m = surface_details(aimed, found, world.middle_m)
+                rows, coat, height_m = surface_details(aimed, free_hits, world.middle_m)
                 share[free[rows]] *= coat
                 if self._world.roughness is not None:
                     place = (*world.middle_m[:2].tolist(), 1e-3 * config.receiver.beam_mrad[1])
-                    relief_m[free] = ground_relief(aimed, found, self._world.roughness, place)
+                    relief_m[free] = ground_relief(aimed, free_hits, self._world.roughness, place)
                 relief_m[free[rows]] += height_m
         elif config.divergence_mrad:
             along = sub_rays(aimed[:, 3:].astype(np.float64), 1e-3 * config.divergence_mrad)
-            found, _ = self._mixed(found, aimed, along, stamps_ns, timeline, power)
+            free_hits, _ = self._mixed(free_hits, aimed, along, stamps_ns, timeline, power)
         if not config.ego_returns:
-            return Cast(rays=free, hits=found, share=share[free], relief_m=relief_m[free])
+            return Cast(rays=free, hits=free_hits, share=share[free], relief_m=relief_m[free])
         hits = dataclasses.replace(body, **{name: getattr(body, name).copy() for name in body.__slots__})
-        hits.put(free, found)
+        hits.put(free, free_hits)
         return Cast(rays=np.arange(config.rays), hits=hits, share=share, relief_m=relief_m)
 
     def _mixed(

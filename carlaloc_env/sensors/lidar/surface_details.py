@@ -67,11 +67,11 @@ def surface_details(rays: F32, hits: Hits, middle_m: Array) -> tuple[Index, F32,
         a pane, each (M,).
     """
     rows = np.flatnonzero((hits.instance > 0) & np.isfinite(hits.range_m))
-    found = hits.take(rows)
+    thing_hits = hits.take(rows)
     share, height_m = np.ones(len(rows), np.float32), np.zeros(len(rows), np.float32)
-    places_m = rays[rows, :3] + rays[rows, 3:] * found.range_m[:, None] + middle_m
-    _details(places_m, found.material, found.instance, (found.cos_incidence, share, height_m))
-    hits.cos_incidence[rows] = found.cos_incidence
+    places_m = rays[rows, :3] + rays[rows, 3:] * thing_hits.range_m[:, None] + middle_m
+    _details(places_m, thing_hits.material, thing_hits.instance, (thing_hits.cos_incidence, share, height_m))
+    hits.cos_incidence[rows] = thing_hits.cos_incidence
     return rows, share, height_m
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
 
-from carlaloc_env.render import gl_context
+from carlaloc_env.render import shader_programs
 from carlaloc_env.render.flat_uniforms import hoisted
 from carlaloc_env.render.gl_context import create_context
 from carlaloc_env.scene.mesh import Instances
@@ -74,7 +74,7 @@ def test_images_are_the_same_bytes_with_plain_uniforms(weather: str, monkeypatch
 
     images = []
     for how in (hoisted, untouched):
-        monkeypatch.setattr(gl_context, "hoisted", how)
+        monkeypatch.setattr(shader_programs, "hoisted", how)
         with scene(ground(), wall(20.0, (-3.0, 0.0), (5.0, 4.0)), lamps_m=lamps_m) as renderer:
             images.append(renderer.shade(renderer.draw(CAMERA, FORWARD, Instances()), PRESETS[weather]))
     np.testing.assert_array_equal(images[0], images[1])
