@@ -89,9 +89,9 @@ def draw(bag: Path) -> None:
     scans = read_scans(bag)
     scan = next(one for number, (_, one) in enumerate(scans) if number == 10)
     sweep = next(sweeps_of([scan]))
-    points, r, heard = sweep.xyz_m, sweep.range_m, sweep.intensity
+    points, r, intensity = sweep.xyz_m, sweep.range_m, sweep.intensity
     figure, axes = plt.subplots(2, 2, figsize=(11, 9), layout="constrained")
-    above = axes[0, 0].scatter(points[..., 0], points[..., 1], c=heard, s=0.6, cmap="viridis", vmax=60)
+    above = axes[0, 0].scatter(points[..., 0], points[..., 1], c=intensity, s=0.6, cmap="viridis", vmax=60)
     axes[0, 0].set(xlim=(-35, 35), ylim=(-35, 35), aspect="equal", title="from above, by intensity")
     axes[0, 0].set(xlabel="x [m]", ylabel="y [m]")
     figure.colorbar(above, ax=axes[0, 0])
@@ -102,7 +102,7 @@ def draw(bag: Path) -> None:
     low = np.nanpercentile(points[..., 2][(r > 3) & (r < 15)], 20)
     road = (np.abs(points[..., 2] - low) < 0.15) & (r > 3) & (np.abs(points[..., 1]) < 2.0)
     cosine = np.abs(points[..., 2][road]) / r[road]
-    axes[1, 0].scatter(cosine, heard[road], s=0.6, c="tab:orange")
+    axes[1, 0].scatter(cosine, intensity[road], s=0.6, c="tab:orange")
     axes[1, 0].set(title="own lane: intensity over cosine of incidence", ylim=(0, 30))
     axes[1, 0].set(xlabel="cosine", ylabel="intensity")
     step = np.diff(r, axis=0)

@@ -168,11 +168,11 @@ def _figures(sweep: Sweep) -> dict[str, float]:
     normal, offset = _road_plane(sweep)
     road, smooth = _windows(sweep, _ROAD_WINDOW_M, 8), _windows(sweep, _SMOOTH_WINDOW_M, 6)
     flat = (np.abs(road.middle_m @ normal + offset) < 0.12) & (road.range_m < 16)
-    jumps, missing, between = _jumps(r)
+    discontinuities, dropouts, mixed = _discontinuities(r)
     low = sweep.elevation_deg <= _LOW_DEG
     level = (sweep.elevation_deg > _LEVEL_DEG[0]) & (sweep.elevation_deg < _LEVEL_DEG[1])
     above = sweep.elevation_deg >= _LEVEL_DEG[1]
-    heard = intensity[np.isfinite(intensity)]
+    received_intensity = intensity[np.isfinite(intensity)]
     return {
         "returns of a sweep": float(answered.sum()),
         "own car: share below 2.5 m": float((near < 2.5).mean()),
@@ -185,10 +185,10 @@ def _figures(sweep: Sweep) -> dict[str, float]:
         "neighbours' correlation on the road": _percentile(road.correlation[flat], 50),
         "shot noise, 0.55 m, p50 [cm]": 100 * _percentile(smooth.spread_m, 50),
         "shot noise p10 [cm]": 100 * _percentile(smooth.spread_m, 10),
-        "missing at jumps": missing / max(jumps, 1),
-        "between at jumps": between / max(jumps, 1),
-        "intensity p50": _percentile(heard, 50),
-        "intensity p95": _percentile(heard, 95),
+        "dropouts at range discontinuities": dropouts / max(discontinuities, 1),
+        "mixed pixels at range discontinuities": mixed / max(discontinuities, 1),
+        "intensity p50": _percentile(received_intensity, 50),
+        "intensity p95": _percentile(received_intensity, 95),
         "ground intensity exponent": _incidence_exponent(xyz, r, intensity, normal, offset),
         "intensity variation in a road window": _percentile(road.varied[flat], 50),
     }
@@ -275,20 +275,20 @@ def _stretches(range_m: Array, step_m: Array, length_m: float, fewest: int, out:
 def _fitted(sweep: Sweep, ring: NDArray[np.int64], first: NDArray[np.int64], n: int) -> Array:
     """Columns of `_Windows` for stretches of n points, shape (N, 7)."""
     place = first[:, None] + np.arange(n), ring[:, None]
-    y, heard = sweep.range_m[place], sweep.intensity[place]
+    y, received = sweep.range_m[place], sweep.intensity[place]
     x = np.linspace(-1.0, 1.0, n)
     basis, _ = np.linalg.qr(np.stack([np.ones(n), x, x * x], axis=1))
     rest = y - (y @ basis) @ basis.T
     power = (rest * rest).sum(axis=1)
     beside = (rest[:, 1:] * rest[:, :-1]).sum(axis=1) / np.maximum(power, 1e-12)
     with np.errstate(invalid="ignore", divide="ignore"):
-        varied = heard.std(axis=1) / heard.mean(axis=1)
+        varied = received.std(axis=1) / received.mean(axis=1)
     middle = sweep.xyz_m[place].mean(axis=1)
     return np.column_stack([y.mean(axis=1), middle, np.sqrt(power / (n - 3)), beside, varied])
 
 
-def _jumps(range_m: Array) -> tuple[int, int, int]:
-    """Jumps of range above 1 m, those without a return in between, and those with a point there."""
+def _discontinuities(range_m: Array) -> tuple[int, int, int]:
+    """Number of range discontinuities above 1 m, of dropouts there, and of mixed pixels there."""
     a, b, c = range_m[:-2], range_m[1:-1], range_m[2:]
     nothing = np.full((1, range_m.shape[1]), np.nan)
     before, after = np.vstack([nothing, range_m[:-3]]), np.vstack([range_m[3:], nothing])

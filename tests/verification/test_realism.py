@@ -81,9 +81,9 @@ def test_missing_and_mixed_returns_at_edges_are_counted() -> None:
     points[mixed] *= (14.0 / r[mixed])[:, None]
     found = lidar_figures([replace(scan, points_xyz_m=points).take(~lost)])
     jumps = 4 * edge.sum() - lost.sum() - mixed.sum()
-    assert found["missing at jumps"] == pytest.approx(lost.sum() / jumps, rel=1e-6)
-    assert found["between at jumps"] == pytest.approx(mixed.sum() / jumps, rel=1e-6)
-    assert lidar_figures([scan])["missing at jumps"] == 0.0
+    assert found["dropouts at range discontinuities"] == pytest.approx(lost.sum() / jumps, rel=1e-6)
+    assert found["mixed pixels at range discontinuities"] == pytest.approx(mixed.sum() / jumps, rel=1e-6)
+    assert lidar_figures([scan])["dropouts at range discontinuities"] == 0.0
 
 
 def test_returns_of_the_own_car_and_silent_rings() -> None:
