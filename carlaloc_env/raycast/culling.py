@@ -1,4 +1,4 @@
-"""Which rays may meet which upright cylinder, without asking every pair."""
+"""Pairs of rays and upright cylinders that may meet, without a test of every pair."""
 
 from __future__ import annotations
 

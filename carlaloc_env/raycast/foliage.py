@@ -1,4 +1,4 @@
-"""How deep rays get into foliage: by Beer and Lambert's law, as between leaves of no order.
+"""Depth of rays in foliage, by Beer and Lambert's law, as between leaves of no order.
 
 A crown's triangles are its outside, at which pictures end. A LiDAR's beam meets a leaf somewhere behind.
 """
@@ -25,7 +25,7 @@ _PASSED = 1.0 - float(elementary.exp(np.float64(-DEEPEST_M / FREE_PATH_M)))
 
 @compiled
 def leaf_depths(entry_m: F32, origin_m: Array, out: Array) -> None:
-    """How far behind their outside rays meet a leaf [m], a function of the place alone.
+    """Distance behind the outside at which rays meet a leaf [m], a function of the place alone.
 
     Args:
         entry_m: Where rays enter [m], shape (N, 3).

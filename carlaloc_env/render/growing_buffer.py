@@ -6,20 +6,20 @@ import moderngl
 
 
 class GrowingBuffer:
-    """Room that is at least as large as what was last written.
+    """Buffer that is at least as large as its last content.
 
     Vertex arrays name buffers, so a buffer that has become too small lives on until all are released; sizes
     double, so that all of those together are no larger than the last.
     """
 
     def __init__(self, context: moderngl.Context, size: int) -> None:
-        """Room for some bytes."""
+        """Reserve some bytes."""
         self._context = context
         self._all = [context.buffer(reserve=size, dynamic=True)]
 
     @property
     def buffer(self) -> moderngl.Buffer:
-        """Where it was last written."""
+        """The buffer that holds the last content."""
         return self._all[-1]
 
     def write(self, data: Any) -> None:

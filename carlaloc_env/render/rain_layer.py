@@ -31,7 +31,7 @@ _NOTHING_UNSEEN = np.zeros(256)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Canvas:
-    """Room for the layer of one size of pictures, all zeros between two pictures."""
+    """Buffers for the layer of one size of pictures, all zeros between two pictures."""
 
     light: NDArray[np.float32]
     """Light of the streaks and, in the fourth channel, how much they hide, shape (H·W, 4)."""
@@ -119,7 +119,7 @@ class RainLayer:
         image: NDArray[np.uint8] = _UNKNOWN,
         unseen: Array = _NOTHING_UNSEEN,
     ) -> tuple[_Canvas, int]:
-        """Room with the streaks in it, and how many pixels they touch that show them."""
+        """Buffers with the streaks in them, and the number of pixels that show them."""
         size = (depth_m.shape[0], depth_m.shape[1])
         if size not in self._canvases:
             pixels = size[0] * size[1]

@@ -183,7 +183,7 @@ class SceneRenderer:
     def shade_all(
         self, gbuffer: GBuffer, weathers: Sequence[WeatherParameters], *, stamp_ns: int = 0, seed: int = 0
     ) -> list[NDArray[np.uint8]]:
-        """The same under several weathers: the lights of one are found while another is shaded.
+        """Pictures under several weathers: the lights of one are searched while another is shaded.
 
         Takes the arguments of `shade`, and gives the same pictures, one for each weather.
         """

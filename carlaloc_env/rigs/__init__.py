@@ -1,1 +1,1 @@
-"""Which sensors a car carries."""
+"""Sensor rigs: named presets, rig files, and their memory."""

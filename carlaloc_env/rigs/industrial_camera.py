@@ -31,7 +31,7 @@ def temporal_dark_noise_e() -> float:
 
 
 def industrial_imager() -> ImagerConfig:
-    """Its imager; unevenness of pixels, which the sheet leaves out, is that of its kind (1 e⁻, 0.5 %)."""
+    """Imager of the camera; unevenness of pixels, which the sheet leaves out, is typical (1 e⁻, 0.5 %)."""
     return ImagerConfig(
         full_well_e=round(saturation_capacity_e()),
         read_noise_e=round(temporal_dark_noise_e(), 2),

@@ -28,7 +28,7 @@ _KEYS = ("name", "extends", "sensors", "faults")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorRig:
-    """Which sensors a car carries; plain data, equal when all values are equal."""
+    """Sensors that a car carries; plain data, equal when all values are equal."""
 
     name: str = "rig"
     """Name of the rig."""

@@ -1,4 +1,4 @@
-"""What sensors put out: one frozen dataclass per kind, checked for dtype and shape when made.
+"""Samples of sensors: one frozen dataclass per kind, checked for dtype and shape when made.
 
 Every sample names its `sensor` (the observation key), its `frame_id` and its `stamp_ns`, the time
 of measurement since the drive began.

@@ -1,4 +1,4 @@
-"""What all samples have in common, and how they check themselves."""
+"""Base class of samples, checks of their arrays, and lists of samples."""
 
 from collections import Counter
 from dataclasses import dataclass, fields
@@ -63,7 +63,7 @@ class SampleList(list[Sample]):
     """Samples in the order of their stamps; a list that prints as one line."""
 
     def __repr__(self) -> str:
-        """How many there are of each stream."""
+        """Number of samples of each stream."""
         counts = Counter(sample.sensor for sample in self)
         streams = ", ".join(name if count == 1 else f"{count} {name}" for name, count in counts.items())
         return f"<{len(self)} samples: {streams}>"

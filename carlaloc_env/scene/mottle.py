@@ -1,4 +1,4 @@
-"""How reflectance varies within metres of one surface: the same pattern in LiDAR intensities and pictures.
+"""Variation of reflectance within metres of one surface, the same in LiDAR intensities and pictures.
 
 The pattern is a function of the world's coordinates alone; `packing.glsl` has it for the shaders. It fades
 where a beam or a pixel covers more than its cells.

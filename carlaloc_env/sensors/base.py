@@ -35,7 +35,7 @@ _AXES = {"flu": np.eye(3), "optical": transforms.R_FLU_OPTICAL, "paper_imu": tra
 
 
 class World(Protocol):
-    """What a sensor may ask for beyond the Timeline; nothing in it moves by itself."""
+    """Services of a town that a sensor uses beside the Timeline; nothing in it moves by itself."""
 
     @property
     def seed(self) -> int:
@@ -43,7 +43,7 @@ class World(Protocol):
 
     @property
     def geo(self) -> GeoReference:
-        """Where the world's origin lies on the Earth."""
+        """Place of the world's origin on the Earth."""
 
     @property
     def weather(self) -> Weather:

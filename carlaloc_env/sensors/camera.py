@@ -130,7 +130,7 @@ class CameraSensor(Camera):
         return takewhile(lambda at_ns: at_ns < stamp_ns, merge(*past))
 
     def glance(self, timeline: Timeline, stamp_ns: int) -> tuple[FrameGeometry, Frame]:
-        """What events need of one picture, drawn anew: how things lie, and the picture for its light."""
+        """Geometry of one picture, drawn anew for events, and the picture for its light."""
         snapshot = Snapshot.of(timeline, stamp_ns)
         frame = self._draw(snapshot)
         return FrameGeometry.of(frame, self._poses(snapshot)), frame
@@ -203,7 +203,7 @@ class CameraSensor(Camera):
         return samples
 
     def _drawing(self, timeline: Timeline, stamp_ns: int) -> Draw:
-        """What draws the view at any time, for the picture at a stamp [ns]."""
+        """Function that draws the view at any time, for the picture at a stamp [ns]."""
         frames: dict[int, tuple[Frame, ScenePoses]] = {}
 
         def draw(at_ns: int) -> tuple[Frame, ScenePoses]:
@@ -218,7 +218,7 @@ class CameraSensor(Camera):
         return draw
 
     def _lighting(self, weathers: Sequence[Weather], draw: Draw) -> RenderFrame:
-        """What event pixels see at any time."""
+        """Function that gives the light of event pixels at any time."""
         dark = self.config.events.dark_cd_m2
 
         def render(at_ns: int) -> tuple[FrameGeometry, list[F32]]:

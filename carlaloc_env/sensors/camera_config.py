@@ -87,7 +87,7 @@ class ImagerConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShutterConfig:
-    """When the rows of a picture gather light; the stamp is the middle of the middle row's exposure."""
+    """Times at which rows of a picture gather light; the stamp is the middle of the middle row's exposure."""
 
     motion_blur: bool = True
     """Whether light is gathered during the exposure, or at its middle."""

@@ -239,7 +239,7 @@ class ImuSensor(Sensor):
 
 
 def ideal(motion: Motion) -> Array:
-    """What a perfect IMU with this motion reads: R_WBᵀ(a − g) [m/s²] and ω_B [rad/s], shape (M, 6)."""
+    """Readings of a perfect IMU with this motion: R_WBᵀ(a − g) [m/s²] and ω_B [rad/s], shape (M, 6)."""
     force = motion.acceleration_world_mps2 + np.array([0.0, 0.0, GRAVITY_MPS2])
     body = transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), force)
     return np.concatenate([body, motion.omega_body_radps], axis=-1)

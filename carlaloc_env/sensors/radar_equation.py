@@ -123,7 +123,7 @@ def mean_snr(
 
 
 def detect(snr: Array, pfa: float, uniform: Array) -> tuple[NDArray[np.intp], Array]:
-    """Which fluctuating echoes cross the threshold of a square-law detector, and how far.
+    """Fluctuating echoes that cross the threshold of a square-law detector, and their measured ratios.
 
     The detector's output of a Swerling-1 target is exponential with mean 1 + S; the threshold
     −ln P_fa gives P_d = P_fa^(1/(1+S)).

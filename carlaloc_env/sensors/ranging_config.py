@@ -42,7 +42,7 @@ OWN_ROOF_M, OWN_CAR_M = 2.0, 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverConfig:
-    """How a LiDAR makes measurements of echoes; the defaults are those of the Velodyne HDL-32E.
+    """Receiver that measures the echoes of a LiDAR; the defaults are those of the Velodyne HDL-32E.
 
     Manual: the HDL-32E's user manual (63-9113), and "HDL32E Software Version 2.0 Description" (2012).
     """

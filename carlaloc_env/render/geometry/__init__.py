@@ -1,1 +1,1 @@
-"""Triangles to G-buffer: what is drawn, culled and labelled."""
+"""Triangles to G-buffer: culling, drawing and labels."""

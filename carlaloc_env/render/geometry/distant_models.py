@@ -26,7 +26,7 @@ def simplified(mesh: Mesh, cells: int) -> Mesh:
 
 
 class Distant:
-    """Which simpler model stands for which, by how large it looks."""
+    """Simpler models that stand for others, by their size in the picture."""
 
     def __init__(self, library: ModelLibrary) -> None:
         """Pair ``name/body`` and its lamps with ``name/low``, and these with the simplest."""

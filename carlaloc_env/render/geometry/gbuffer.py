@@ -1,4 +1,4 @@
-"""The G-buffer: what a camera sees before any weather, kept on the graphics side."""
+"""The G-buffer: surfaces that a camera sees before any weather, kept on the graphics side."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Targets:
         return [texture for texture in parts if texture is not None]
 
     def clear(self) -> None:
-        """Nothing but sky; textures that are read at surfaces only keep what was there before."""
+        """Clear the picture to sky alone; textures that are read at surfaces only keep their content."""
         framebuffer: Any = self.framebuffer
         averaged = self.id is None or self.albedo.filter[0] == moderngl.LINEAR
         wiped = framebuffer.color_attachments if averaged else (self.id, self.depth)

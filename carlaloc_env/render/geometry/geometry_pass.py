@@ -1,4 +1,4 @@
-"""Filling a G-buffer: what of the scene is drawn into it, in which order, and by which programs."""
+"""Filling a G-buffer: parts of the scene that are drawn, their order, and the programs that draw them."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Plan:
 
 
 class GeometryPass:
-    """All geometry on the graphics side: draws it as one camera sees it, without what hides.
+    """Draws all geometry as one camera sees it, without hidden parts.
 
     Args:
         context: Where it is drawn.
@@ -132,7 +132,7 @@ class GeometryPass:
         return self._distant.of(instances, level)
 
     def _size_px(self, instances: Instances, view: CameraView) -> Array:
-        """How large spheres round instances, or round their cars, look [px], shape (N,)."""
+        """Size in the picture of spheres round instances, or round their cars [px], shape (N,)."""
         return np.asarray(self._size_m[instances.model] * view.camera.fx_px / distance_m(instances, view))
 
     def plan(self, view: CameraView, instances: Instances, occluders: Depths | None = None) -> Plan:
@@ -230,7 +230,7 @@ class GeometryPass:
         self._flush_target.clear()
 
     def _farther(self, view: CameraView) -> float:
-        """How much farther away things count in live pictures, whose pixels are large."""
+        """Factor on the distance of things in live pictures, whose pixels are large."""
         return FAR_LOW_FOCAL_PX / view.camera.fx_px if self._live else 1.0
 
     def _shown(self, hidden: Depths, clusters: Index) -> NDArray[np.bool_]:

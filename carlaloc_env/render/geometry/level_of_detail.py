@@ -27,7 +27,7 @@ _LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Mate
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coarseness:
-    """How much a chunk loses from some distance on."""
+    """Loss of detail of a chunk from some distance on."""
 
     from_m: float
     """Distance of the chunk [m]."""
@@ -63,7 +63,7 @@ The last ones are for pictures of about 100 px, in which they begin at 60 and 16
 
 
 def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> tuple[Mesh, Index]:
-    """The same from afar: fewer and larger leaves, no crumbs; and which triangles it was made of."""
+    """A mesh from afar, with fewer and larger leaves and no crumbs; and the triangles it is made of."""
     area_m2 = 0.5 * np.sqrt(np.sum(face_vectors(mesh.vertices_m, mesh.triangles) ** 2, axis=1))
     material = mesh.material[mesh.triangles[:, 2]]
     leaf = material == Material.LEAF
@@ -84,7 +84,7 @@ def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> tuple[Mesh, Index]:
 
 
 def gathered(mesh: Mesh, how: Coarseness, loose: Sequence[Material] = _LOOSE) -> tuple[Mesh, Index]:
-    """The same with all corners in one cell of a grid moved to one of them (Rossignac and Borrel 1993).
+    """A mesh with all corners in one cell of a grid moved to one of them (Rossignac and Borrel 1993).
 
     What is thinner than a cell vanishes. Corners where materials meet are moved to before others, so
     that borders stay where they are. Loose parts and paint, which would vanish entirely, stay as they are.

@@ -1,4 +1,4 @@
-"""Which triangles may show in a picture, one by one.
+"""Culling of triangles that cannot show in a picture, one by one.
 
 On a CPU a triangle that shows in no pixel still costs as much as hundreds of multiplications: it is
 turned, clipped, cut into tiles and held against the depth of every pixel that it touches. Here it costs a

@@ -50,7 +50,7 @@ class Fog:
     """All air nearer than this is clear [m]."""
 
     def glow_range_m(self, lights: Lights, exposure: float) -> Array:
-        """How far from each lamp the air is followed [m], 0 for lamps too faint, shape (N,)."""
+        """Distance from each lamp up to which the air is followed [m], 0 for lamps too faint, shape (N,)."""
         reach = lights.glow_cd * (0.25 * self.extinction_per_m * exposure / GLOW_CUTOFF)
         return np.where(reach < GLOW_LEAST_M, 0.0, np.minimum(reach, GLOW_MOST_M))
 

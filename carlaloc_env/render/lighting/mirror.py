@@ -79,7 +79,7 @@ class Mirror:
 
 
 def horizon(view: CameraView) -> float:
-    """Where the horizon's highest end meets the left or right edge, as a share of the picture's height."""
+    """Height of the horizon's highest end at the left or right edge, as a share of the picture's height."""
     camera = view.camera
     edges = np.array([-camera.cx_px, camera.width_px - camera.cx_px]) / camera.fx_px
     right, down, ahead = view.R_camera_world[:, 2]

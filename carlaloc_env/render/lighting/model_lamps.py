@@ -44,7 +44,7 @@ _PLAIN_EDGE = (0.0, 0.6)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Kind:
-    """How the lamps of one material shine."""
+    """Colour, intensity and range of the lamps of one material."""
 
     colour: tuple[float, float, float]
     intensity_cd: float
@@ -89,7 +89,7 @@ _EGO_BEAM = _Lamp(
 
 
 class Emitters:
-    """Where the models of a library carry lamps."""
+    """Places of the lamps on the models of a library."""
 
     def __init__(self, library: ModelLibrary) -> None:
         lamps = [_lamps_of(name, mesh) for name, mesh in zip(library.names, library.meshes, strict=True)]

@@ -34,7 +34,7 @@ CACHED_MAPS = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShadowMap:
-    """One depth map and how to look things up in it."""
+    """A depth map, and the transform for lookups in it."""
 
     texture: moderngl.Texture
     framebuffer: moderngl.Framebuffer

@@ -38,7 +38,7 @@ class Scene:
 
     @property
     def view(self) -> CameraView:
-        """Where it is seen from."""
+        """View of the camera."""
         return self.gbuffer.view
 
     def depth_m(self) -> NDArray[np.float32]:
@@ -58,7 +58,7 @@ def set_gbuffer_uniforms(program: moderngl.Program, targets: Targets) -> None:
 
 
 def set_view_uniforms(program: moderngl.Program, view: CameraView) -> None:
-    """Where the rays of the pixels go."""
+    """Set the uniforms of the rays of pixels."""
     c = view.camera
     right, down, ahead = view.R_camera_world
     right, down = right / c.fx_px, down / c.fy_px

@@ -192,7 +192,7 @@ def build_textures(size_px: int = 512, *, cache_dir: Path | None = None) -> Text
 
 
 def make_albedo(size_px: int) -> NDArray[np.float16]:
-    """All layers computed anew, shape (len(Material), S, S, 4)."""
+    """Compute all layers anew, shape (len(Material), S, S, 4)."""
     out = np.empty((len(Material), size_px, size_px, 4), dtype=np.float16)
     for material in Material:
         layer = RECIPES[material](stream(0, f"texture/{material.name}"), size_px)

@@ -39,7 +39,7 @@ class Face:
     """Height of capitals."""
 
     def width(self, words: str) -> float:
-        """How long a line is."""
+        """Length of a line."""
         return float(sum(self.advances[self.number[c]] for c in words))
 
     def rings(self, words: str) -> list[NDArray[np.float32]]:

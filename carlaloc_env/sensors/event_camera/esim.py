@@ -71,7 +71,7 @@ class Settings(NamedTuple):
 
 
 class Span(NamedTuple):
-    """All that happens between two pictures."""
+    """Inputs of the kernel: pictures, motion, pixels and noise of the span between two pictures."""
 
     pictures: Any
     fields: Any

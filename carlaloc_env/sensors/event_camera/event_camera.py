@@ -48,7 +48,7 @@ class EventCamera:
         return PixelState.initial(log_intensity, self._thresholds, self._seed, self._name, stamp_ns)
 
     def motion(self, before: FrameGeometry, after: FrameGeometry) -> FrameMotion:
-        """How everything moves between two pictures; the same for all weathers."""
+        """Motion of everything between two pictures; the same for all weathers."""
         return motion_between(self._optics, before, after)
 
     def generate(

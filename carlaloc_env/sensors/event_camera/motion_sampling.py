@@ -28,7 +28,7 @@ COVERS = np.float32(0.9)
 
 
 class Track(NamedTuple):
-    """Where what a pixel sees lies at the samples of a chunk: room that is used again and again."""
+    """Places of a pixel's surface at the samples of a chunk: arrays that are used again and again."""
 
     places: Any
     """Places in both pictures (x, y, x, y) [px], shape (CHUNK + 1, 4)."""
@@ -37,7 +37,7 @@ class Track(NamedTuple):
 
 
 def new_track() -> Track:
-    """Room for one chunk."""
+    """Arrays for one chunk."""
     return Track(places=np.zeros((CHUNK + 1, 4), np.float32), seen_in=np.zeros(CHUNK + 1, np.int64))
 
 

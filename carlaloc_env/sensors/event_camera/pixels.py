@@ -39,7 +39,7 @@ class Thresholds:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PixelState:
-    """What pixels remember."""
+    """Memory of pixels."""
 
     reference: F32
     """Log intensity of the last event, less what has leaked since, shape (H, W)."""

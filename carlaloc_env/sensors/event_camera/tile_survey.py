@@ -72,7 +72,7 @@ class Tile(NamedTuple):
 
 
 class TileMotion(NamedTuple):
-    """How a tile moves."""
+    """Motion of a tile."""
 
     steps: Any
     """Number of samples of its pixels."""
@@ -83,7 +83,7 @@ class TileMotion(NamedTuple):
 
 
 class TileNotes(NamedTuple):
-    """Where a tile lies and what it can meet: room that is used for one tile after another."""
+    """Places of a tile and its range of intensities: arrays that are used for one tile after another."""
 
     corners: Any
     """Places of its corners in both pictures (x, y, x, y) at the ends of chunks [px], shape (n + 1, 4, 4)."""
@@ -94,7 +94,7 @@ class TileNotes(NamedTuple):
 
 
 def new_notes() -> TileNotes:
-    """Room for one tile."""
+    """Arrays for one tile."""
     return TileNotes(
         corners=np.zeros((CHUNKS_MAX + 1, 4, 4), np.float32),
         seen_in=np.zeros(CHUNKS_MAX + 1, np.int64),

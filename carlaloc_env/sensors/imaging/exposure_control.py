@@ -32,7 +32,7 @@ class _Metered:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Swept:
-    """What lies between the first and the last light of a picture."""
+    """Pictures at the first and the last light of a picture, and the motion between them."""
 
     begin_ns: int
     """Time of the first drawn picture [ns]."""

@@ -28,12 +28,12 @@ class Optics:
 
     @cached_property
     def view(self) -> LensView | None:
-        """How to take the picture from the drawn one; None: they are the same."""
+        """Map from the drawn picture to the camera's; None: they are the same."""
         return None if self.lens.is_plain else LensView.of(self.pinhole, self.lens)
 
     @cached_property
     def rays(self) -> NDArray[np.float64] | None:
-        """What the pixels look along, x and y at z = 1, shape (H, W, 2); None: as the pinhole says."""
+        """Rays of the pixels, x and y at z = 1, shape (H, W, 2); None: those of the pinhole."""
         return None if self.lens.is_plain else self.lens.rays(self.pinhole)
 
     @property
@@ -86,7 +86,7 @@ class Frame:
         return self._radiance[weather]
 
     def imaged_cd_m2(self, weather: WeatherParameters) -> F32:
-        """The same with the blur of the lens that the renderer's quality gives colour pictures."""
+        """Linear colour [cd/m²] with the lens' blur that the renderer's quality gives colour pictures."""
         radiance = self.radiance_cd_m2(weather)
         if self._renderer.quality != "medium":
             return radiance

@@ -84,7 +84,7 @@ def _fill_passing(field: Any, surfaces: Any, best: Any) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameGeometry:
-    """What one picture shows: where everything was, how far away, and which thing."""
+    """Geometry of one picture: poses, depths and instances."""
 
     poses: ScenePoses
     """Where everything was."""
@@ -101,7 +101,7 @@ class FrameGeometry:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameMotion:
-    """How everything moves between two pictures, see `motion_field`."""
+    """Motion of everything between two pictures, see `motion_field`."""
 
     forward: F32
     """Field of the first picture, towards the second, shape (H, W, 4)."""
@@ -119,7 +119,7 @@ class FrameMotion:
 
 
 def motion_between(optics: Optics, before: FrameGeometry, after: FrameGeometry) -> FrameMotion:
-    """How everything moves between two pictures of a camera."""
+    """Motion of everything between two pictures of a camera."""
 
     def field(now: FrameGeometry, then: FrameGeometry) -> F32:
         seen = now.depth_m, now.instance, now.poses

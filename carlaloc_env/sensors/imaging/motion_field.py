@@ -37,7 +37,7 @@ _U, _V, _R, _Z = np.uint32(0), np.uint32(1), np.uint32(2), np.uint32(3)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ScenePoses:
-    """Where camera and actors were at one time."""
+    """Poses of camera and actors at one time."""
 
     stamp_ns: int
     """Time [ns]."""
@@ -236,7 +236,7 @@ def motion_at(field: Any, x: Any, y: Any) -> Any:
 
 @compiled
 def source_of(field: Any, u: Any, v: Any, s: Any, x: Any, y: Any) -> Any:
-    """Where the point seen at (u, v) at time s is in the picture that `field` belongs to.
+    """Place of the point seen at (u, v) at time s in the picture that `field` belongs to.
 
     Steps of a fixed-point iteration from a guess (x, y), as many as needed, three at most.
 

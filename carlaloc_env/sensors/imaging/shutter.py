@@ -28,7 +28,7 @@ SAMPLES_MAX = 64
 
 @compiled
 def sources(forward: Any, backward: Any, u: Any, v: Any, s: Any, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
-    """Where a pixel at time s came from in both pictures, from guesses, and which of them shows it.
+    """Places in both pictures of a pixel's surface at time s, from guesses, and the pictures that show it.
 
     Where they show different surfaces the nearer one hides the other. A guess that leads nowhere is
     followed by that of a surface which moves all over as it does at the pixel itself.
@@ -131,7 +131,7 @@ def _pick(
 
 @inlined
 def _seen_at(forward: Any, backward: Any, y: int, x: int, s: Any) -> Any:
-    """Where both pictures show what a pixel sees at time s, and which does; itself where neither does."""
+    """Places in both pictures of a pixel's surface at time s, and those that show it; itself if none does."""
     u, v, rest = np.float32(x), np.float32(y), np.float32(1) - s
     ax, ay = u + s * backward[y, x, 0], v + s * backward[y, x, 1]
     bx, by = u + rest * forward[y, x, 0], v + rest * forward[y, x, 1]

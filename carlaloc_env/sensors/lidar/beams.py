@@ -1,4 +1,4 @@
-"""Beams of several rays: what they meet together, and which beams lie on edges."""
+"""Beams of several rays: the hit that they make together, and beams on edges."""
 
 from collections.abc import Callable, Iterator
 

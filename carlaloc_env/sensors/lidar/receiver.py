@@ -1,4 +1,4 @@
-"""From hits to measurements as a pulsed receiver makes them: echoes detected or lost, ranges, intensities.
+"""A pulsed receiver, from hits to measurements: echoes detected or lost, ranges, intensities.
 
 The amplitude of an echo over that of the weakest one is ρ(θ)·s·f·(reach/R)³/0.1 with the reflectance
 towards the source ρ(θ), the stretching s of pulses on slanting ground and the focus f near the sensor. Of a

@@ -124,7 +124,7 @@ class ScanPattern:
         timeline: Timeline,
         power: Callable[[Hits], Array],
     ) -> tuple[Hits, Array]:
-        """What beams of several rays return, as `weigh` gives it.
+        """Hits of beams of several rays, as `weigh` gives them.
 
         Args:
             middle: Hits of the middle rays.

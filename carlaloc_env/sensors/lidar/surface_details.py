@@ -1,4 +1,4 @@
-"""What beams meet on things whose meshes and mean reflectances hide it: coats, panes and single leaves.
+"""Details of things that their meshes and mean reflectances lack: coats, panes and single leaves.
 
 Houses, cars and trees of one material differ: uprights 12 to 20 m from the car of a public scan (nuScenes,
 Caesar et al., CVPR 2020) have codes from 3 to 70. A pane of clean glass sends nothing back unless it is met
