@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
-from statistics import median_high
 from typing import Any
 
 from carlaloc_env.core.cores import usable_cores
@@ -43,7 +42,7 @@ ROUTE_M = {
 STANDARD_SEEDS = {
     "Town01": 2, "Town03": 6, "Town04": 7, "Town05": 3, "Town06": 3, "Town07": 7, "Town10": 1,
 }  # fmt: skip
-"""Seeds of the standard drives: `median_seed` of the drives of seeds 0 to 9 among the paper's traffic."""
+"""Seeds of the standard drives: those of median length among seeds 0 to 9 in the paper's traffic."""
 HAND_DRIVEN = ("Town05", "Town07")
 """Towns whose drives go through wheel, window and recorder, as a person's do; the window is not seen."""
 PACES = {"lights": "dynamic", "wave": "dynamic,green_wave=true"}
@@ -172,11 +171,6 @@ def expected_drive_s(town: str) -> float:
 def _is_part(path: Path) -> bool:
     """Whether a file of the dataset makes a unit or a sequence whole in a working folder."""
     return path.parts[0].startswith(".") and path.name in ("unit.json", SEQUENCE)
-
-
-def median_seed(durations_s: Mapping[int, float]) -> int:
-    """Seed of median duration [s] among sound drives by their seeds; of two in the middle the longer one."""
-    return median_high((duration_s, seed) for seed, duration_s in durations_s.items())[1]
 
 
 def standard_drives(

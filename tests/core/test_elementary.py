@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_fixtures.processes.narrow_vectors import narrow_environment
 
-from benchmarks.narrow_vectors import narrow_environment
 from carlaloc_env.core import elementary
 
 WITHIN = {"sin": 1, "cos": 1, "tan": 2, "arctan": 1, "arcsin": 4, "arccos": 4, "exp": 1, "log": 1, "log10": 2}

@@ -3,10 +3,8 @@
 import re
 import shutil
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
@@ -69,27 +67,6 @@ def test_a_dataset_is_made_kept_and_made_again(
     again = config_of(tmp_path / "again", tmp_path / "manifest" / "episodes")
     make_dataset(again)
     assert checksums(again.out) == read_checksums(tmp_path / "manifest")
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="locks as on Linux")
-def test_a_second_run_at_once_is_refused(config: DatasetConfig, monkeypatch: pytest.MonkeyPatch) -> None:
-    """While one is at work, another with the same words is refused, and what there is stays."""
-    refused: list[str] = []
-
-    def meanwhile(*_: Any, **__: Any) -> None:
-        with pytest.raises(WriterError, match=r"another run is at work in .*; wait until") as failure:
-            make_dataset(config)
-        refused.append(str(failure.value))
-        raise WriterError("the first run ends here")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(factory, "replay", meanwhile)
-        with pytest.raises(WriterError, match="ends here"):
-            make_dataset(config)
-    assert len(refused) == 1
-    assert "\n" not in refused[0]
-    make_dataset(config)
-    assert verify(config.out).findings == ()
 
 
 def test_too_little_room_is_told_after_the_first_unit_and_the_same_call_goes_on(

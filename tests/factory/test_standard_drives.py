@@ -7,7 +7,7 @@ import pytest
 from carlaloc_env.core.errors import ConfigError
 from recorder.episode.episode import Episode
 from recorder.episode.summary import summarise
-from recorder.factory import PACES, ROUTE_M, STANDARD_SEEDS, DatasetConfig, median_seed, record_drive
+from recorder.factory import PACES, ROUTE_M, STANDARD_SEEDS, DatasetConfig, record_drive
 from recorder.replaying.plan import ReplayOptions
 
 
@@ -20,12 +20,7 @@ def test_each_town_of_the_paper_has_a_seed_and_one_seed_can_be_given_for_all(tmp
     assert DatasetConfig(out=tmp_path, replay=replay, seed=5).seed_of("Town03") == 5
 
 
-def test_the_drive_of_median_length_is_the_standard_one() -> None:
-    """Of an even number the longer of the two in the middle; equal ones are in the order of their seeds."""
-    assert median_seed({0: 30.0, 1: 10.0, 4: 20.0}) == 4
-    assert median_seed({9: 30.0, 1: 10.0, 4: 20.0, 6: 40.0}) == 9
-    assert median_seed({9: 20.0, 1: 20.0, 4: 20.0, 6: 40.0}) == 9
-    assert median_seed({9: 20.0, 1: 20.0, 4: 20.0}) == 4
+def test_an_unknown_pace_is_refused() -> None:
     with pytest.raises(ConfigError, match="no pace 'waves'; did you mean 'wave'"):
         DatasetConfig(out=Path("data"), replay=ReplayOptions(), pace="waves")
 

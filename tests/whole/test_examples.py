@@ -168,11 +168,6 @@ def test_fog_of_a_schedule_takes_the_contrast(short_drive: Path, tmp_path: Path)
     assert fog < 0.6 * noon
 
 
-def test_a_map_of_ones_own_is_driven_on(tmp_path: Path) -> None:
-    """Three seconds of six tenths of the throttle from standstill."""
-    assert 2.0 < load("09_opendrive_map").main(tmp_path / "one_road.xodr") < 30.0
-
-
 def test_sequences_in_the_layout_of_vslam_lab(straight_drive: StraightDrive, tmp_path: Path) -> None:
     """Its own requirements are met: images, their list, calibration; the truth is the left camera's."""
     rig = SensorRig.from_yaml(VSLAM_RIG, where="here")

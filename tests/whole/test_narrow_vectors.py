@@ -6,11 +6,9 @@ from pathlib import Path
 
 import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
+from shared_fixtures.processes.narrow_vectors import narrow_environment
 
-from benchmarks.narrow_vectors import narrow_environment
 from recorder.dataset.layout import checksums
-
-pytestmark = pytest.mark.soak
 
 RIG = """\
 name: rays
@@ -20,31 +18,19 @@ sensors:
 - {kind: imu}
 - {kind: gnss}
 """
+WORDS = ["--format", "raw", "--topics", "full", "--weather", "ClearNoon,FoggyNoon,RainyNight", "--no-preview"]
 
 
+@pytest.mark.soak
 def test_truth_imu_gnss_traffic_lidar_radar_and_town(straight_drive: StraightDrive, tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text(RIG)
     made = {}
     for name, switches in (("wide", {}), ("narrow", narrow_environment())):
-        caches = {
-            "CARLALOC_CACHE": str(tmp_path / name / "cache"),
-            "NUMBA_CACHE_DIR": str(tmp_path / f"{name}_code"),
-        }
-        words = (
-            "--format",
-            "raw",
-            "--topics",
-            "full",
-            "--weather",
-            "ClearNoon,FoggyNoon,RainyNight",
-            "--no-preview",
-        )
-        subprocess.run(
-            straight_drive.command(tmp_path / name / "data", *words, rig=rig),
-            env={**os.environ, **caches, **switches},
-            check=True,
-        )
-        made[name] = checksums(tmp_path / name)
+        out = tmp_path / name
+        caches = {"CARLALOC_CACHE": str(out / "cache"), "NUMBA_CACHE_DIR": str(tmp_path / f"{name}_code")}
+        command = straight_drive.command(out / "data", *WORDS, rig=rig)
+        subprocess.run(command, env={**os.environ, **caches, **switches}, check=True)
+        made[name] = checksums(out)
     assert {Path(path).suffix for path in made["wide"]} >= {".town", ".lanes", ".ply", ".npz", ".tum"}
     assert made["wide"] == made["narrow"]

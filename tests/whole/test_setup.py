@@ -3,7 +3,6 @@
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -73,23 +72,6 @@ def test_a_python_with_wheels_is_taken_before_a_newer_one(bare: Path) -> None:
     assert find_python(bare).stdout.strip() == str(bare / "python3.11")
 
 
-def test_a_name_that_does_not_start_is_passed_over(bare: Path) -> None:
-    """pyenv puts python3.11 on PATH for a version that is not chosen, and exits with 127 when called."""
-    for name in ("python3.11", "python3.10"):
-        (bare / name).write_text("#!/bin/sh\nexit 127\n")
-        (bare / name).chmod(0o755)
-    add(bare, "python3", python_of("3.11", "3.10"))
-    assert find_python(bare).stdout.strip() == str(bare / "python3")
-
-
-def test_pyenvs_are_found_that_are_not_on_path(bare: Path) -> None:
-    """A version that was installed but never chosen."""
-    folder = bare.parent / ".pyenv" / "versions" / "3.10.99" / "bin"
-    folder.mkdir(parents=True)
-    add(folder, "python", python_of("3.10"))
-    assert find_python(bare).stdout.strip() == str(folder / "python")
-
-
 def test_a_newer_python_is_taken_with_a_word_on_what_a_build_takes(bare: Path) -> None:
     """Without a compiler the Debian package that lacks is named, too."""
     python = python_of("3.12", "3.13", "3.14")
@@ -112,19 +94,6 @@ def test_no_python_and_a_wrong_one_end_in_one_line(bare: Path) -> None:
     assert "/bin/false is no 64-bit CPython" in wrong.stderr
 
 
-def test_the_system_installer_names_the_compiler(bare: Path) -> None:
-    """Where nothing can be installed, the line names what a build of PyBullet lacks."""
-    for name in ("find", "head"):
-        (bare / name).symlink_to(str(shutil.which(name)))
-    python = python_of("3.12", "3.13", "3.14")
-    environment = {"PATH": str(bare), "PYTHON": python, "HOME": str(bare)}
-    done = subprocess.run(
-        [str(ROOT / ".ci" / "system-libraries")], env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 1
-    assert "g++" in done.stderr.splitlines()[-1]
-
-
 def test_pip_without_wheel_and_compiler_ends_in_one_line(bare: Path, tmp_path: Path) -> None:
     """`pip install .` stops before it loads anything; for another machine, the wheel can be built."""
     python = python_of("3.12", "3.13", "3.14")
@@ -139,13 +108,6 @@ def test_pip_without_wheel_and_compiler_ends_in_one_line(bare: Path, tmp_path: P
     assert "Traceback" not in done.stderr
     unchecked = ("--dry-run", "--no-deps", "-C", "pybullet=unchecked")
     assert run_pip(*inside, *unchecked, source, environment=alone).returncode == 0
-
-
-def test_this_python_has_pybullet_and_so_nothing_is_said() -> None:
-    """What is installed needs neither wheel nor compiler."""
-    check = [sys.executable, str(ROOT / ".ci" / "pybullet_check.py"), "--missing"]
-    done = subprocess.run(check, env={"PATH": ""}, capture_output=True, text=True, check=True)
-    assert done.stdout == ""
 
 
 def test_a_second_setup_starts_at_once() -> None:
