@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.meshes import facing_away, model, signed_volume_m3
 
-from carlaloc_env.assets.catalog import PLATES, VEHICLES, plate_of, plate_text, plate_uv
+from carlaloc_env.assets.catalog import PLATES, VEHICLES, WALKERS, plate_of, plate_text, plate_uv
 from carlaloc_env.assets.vehicles.body import loft_body
 from carlaloc_env.assets.vehicles.car_models import CARS
 from carlaloc_env.core.ego import EGO_SIZE_M
@@ -79,3 +79,10 @@ def test_plates_read_differently_and_lie_apart() -> None:
         apart = (rects[:, 2] <= u0) | (rects[:, 0] >= u1) | (rects[:, 3] <= v0) | (rects[:, 1] >= v1)
         assert apart.sum() == PLATES - 1
     assert len(np.unique(plate_of(np.arange(300, dtype=np.uint32) + EGO_INSTANCE + 1))) > 55
+
+
+def test_shares_of_families_and_colours_add_up() -> None:
+    assert sum(v.weight for v in VEHICLES.values()) == pytest.approx(1.0)
+    assert sum(w.weight for w in WALKERS.values()) == pytest.approx(1.0)
+    for family in (*VEHICLES.values(), *WALKERS.values()):
+        assert sum(share for _, share in family.tints) == pytest.approx(1.0)

@@ -36,16 +36,9 @@ def prose() -> ModuleType:
     ("rule", "sentence"),
     [
         ("subject", "What is killed while building blocks others."),
-        ("subject", "Go to `town/`; who builds it, waits."),
-        ("subject", "The file is kept for whoever comes later."),
         ("count as a subject", "Three exceed the bound."),
-        ("count as a subject", "The world shows one of seven, with a doubt."),
         ("verb of speech", "The command tells the time."),
-        ("verb of speech", "This is said in [the page](page.md)."),
         ("'goes on' (better: continue, resume)", "After a kill the same command goes on."),
-        ("'seconds driven' (better: simulated second)", "It took 2 s for ten seconds driven."),
-        ("'need not' (better: can be harmless, does not have to)", "A metre of error need not matter."),
-        ("'costs stereo ×' (better: increases the error by)", "Fog costs stereo ×1.5."),
         ("more than 35 words", "The car " + "drives on and on " * 9 + "."),
         ("more than 6 numbers", "It takes 1, 2, 3.5, 4, 5 000, 6 or 7 s."),
     ],
@@ -56,46 +49,11 @@ def test_a_bad_sentence_is_found_in_its_line(prose: ModuleType, rule: str, sente
     assert (line, broken) == (4, rule)
 
 
-@pytest.mark.parametrize(
-    "title",
-    [
-        "The estimate at the wheel",
-        "Going on",
-        "On with a dataset",
-        "Beside the table",
-        "Why we differ",
-        "How a map becomes a town",
-        "Sweeps, and where a system breaks",
-        "Places again",
-        "It ends.",
-    ],
-)
+@pytest.mark.parametrize("title", ["The estimate at the wheel", "Why we differ", "It ends."])
 def test_a_title_that_names_no_subject_is_found(prose: ModuleType, title: str) -> None:
     """A line of a shell block is no title."""
     page = f"# Sweeps\n\n```sh\n# Why we wait\n```\n\n## {title}\n"
     assert (7, "title") in [(line, rule) for line, rule, _ in prose.faults(page)]
-
-
-PHRASES = """
-the drive goes on; it sets off; it closes up to a van; it need not fail; a short cut; the plain way
-a straight way; 1 s of processor time; a minute of the clock; a second driven; a quiet machine
-beside other work; a map of its own; it is at the wheel; a row a query; how it was had
-the output of yesterday; time stands still; it costs ×2; too small by as much; it is near to no one
-the hash stands in a file; a bar for geometry
-"""
-"""One for each refused pattern, in their order."""
-
-
-def test_every_refused_phrase_is_found(prose: ModuleType) -> None:
-    """Each by its pattern alone."""
-    phrases = re.split(r"[;\n] ?", PHRASES.strip())
-    found = [[rule.partition("(better: ")[2] for rule in prose.dialect(phrase)] for phrase in phrases]
-    assert found == [[f"{better})"] for better in prose.DIALECT.values()]
-
-
-def test_refused_phrases_are_found_in_tables(prose: ModuleType) -> None:
-    page = "# Times\n\n| a | `plain way` |\n|---|---|\n| 1 | the plain way |\n"
-    assert [fault[:2] for fault in prose.faults(page)] == [(5, "'plain way' (better: direct method)")]
 
 
 @pytest.mark.parametrize(
@@ -104,11 +62,9 @@ def test_refused_phrases_are_found_in_tables(prose: ModuleType) -> None:
         "How is fog drawn? What a question?",
         "# Sweeps and breaking points\n\n## How to add a sensor\n\n### Where does a scan come from?\n",
         "Three of seven findings are reproduced. Half of the runs fail. It has 4 of 5 wheels.",
-        "It takes 3 s (1, 2, 3, 4, 5, 6 and 7 cores) in Towns 01, 03, 04, 05, 06, 07 and 10.",
         "Run this:\n\n```sh\necho what nobody told\n```\n",
         "The option `--tell-me what` prints the date.",
         "| what | told |\n|---|---|\n| 1 | " + "word " * 40 + "|\n",
-        "* " + "One item has ten words and so has every other " * 2 + "\n* " + "word " * 20 + "\n",
     ],
 )
 def test_good_text_code_and_tables_pass(prose: ModuleType, page: str) -> None:
@@ -163,13 +119,8 @@ def test_names_that_are_verbs_of_speech_are_found(prose: ModuleType) -> None:
     ("subject", "fault"),
     [
         ("docs: name the subject in titles", ""),
-        ("recorder/cli: pass the option on", ""),
-        ('Revert "docs: name the subject in titles"', ""),
         ("Name the subject in titles", "no `area: `"),
-        ("The docs: name the subject", "no `area: `"),
         ("docs: named the subject", "no imperative"),
-        ("docs: naming the subject", "no imperative"),
-        ("docs: names the subject", "no imperative"),
         ("docs: name the subject.", "full stop"),
         ("docs: name the subject" + " of it" * 9, "76 characters, more than 72"),
     ],
@@ -192,16 +143,10 @@ from math import (
     pi,
 )
 
-
-def area_m2(radius_m: float) -> str:
-    '''Docstring.'''
-    text = '''a string
-    of two lines'''  # Comment.
-
-    # Comment.
-    return text + str(
-        pi * radius_m**2
-    )
+text = '''a string
+of two lines''' + str(  # Comment.
+    pi
+)
 """
 
 
@@ -209,7 +154,7 @@ def area_m2(radius_m: float) -> str:
 def test_lines_of_code_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
     """Neither docstrings, comments, blanks nor imports count; every line of a longer statement does."""
     counter = check("code_lines")
-    assert counter.code_lines(SOURCE) == 6
+    assert counter.code_lines(SOURCE) == 4
     counter.main()
     (line,) = capsys.readouterr().out.splitlines()
     counts = (

@@ -1,8 +1,5 @@
 """Writing an episode: names, gaps, exceptions, full disks."""
 
-import errno
-import io
-import os
 from pathlib import Path
 
 import numpy as np
@@ -50,43 +47,3 @@ def test_gaps_are_refused(tmp_path: Path) -> None:
             writer.step(2, frame_of(2, 1), np.zeros(1, np.uint8))
         with pytest.raises(EpisodeError, match="2 actors"):
             writer.step(0, frame_of(0, 2), np.zeros(1, np.uint8))
-
-
-class _NearlyFullDisk:
-    """A file that takes half of the next write and then has no space."""
-
-    def __init__(self, file: io.FileIO) -> None:
-        self._file = file
-        self._full = False
-
-    def write(self, data: memoryview) -> int:
-        if self._full:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        self._full = True
-        return self._file.write(data[: len(data) // 2])
-
-    def seek(self, at: int) -> int:
-        return self._file.seek(at)
-
-    def fileno(self) -> int:
-        return self._file.fileno()
-
-    def close(self) -> None:
-        self._file.close()
-
-
-def test_full_disk_is_a_named_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "a.mcap"
-    writer = EpisodeWriter(path, header_of(0))
-    write_drive(writer, 250, 0)
-    monkeypatch.setattr(writer._file, "_file", _NearlyFullDisk(writer._file._file))
-
-    def drive_on() -> None:
-        for tick in range(250, 1000):
-            writer.ego(tick, row_of(tick))
-
-    with pytest.raises(EpisodeError, match="No space left"):
-        drive_on()
-    episode = open_episode(path)
-    assert episode.problem == "the file was not closed"
-    assert len(episode.ego) >= 180

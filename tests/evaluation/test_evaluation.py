@@ -226,22 +226,6 @@ def test_tum_files(tmp_path: Path) -> None:
     assert read_tum(tmp_path / "sci.txt").stamp_ns.tolist() == [1672531200050000000]
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "no pose"),
-        ("1 2 3\n", "line 1 is not"),
-        ("1 0 0 0 0 0 0 1\nx 0 0 0 0 0 0 1\n", "line 2 is not"),
-        ("1 0 0 0 0 0 0 0.5\n", "length 1"),
-        ("1 nan 0 0 0 0 0 1\n", "not finite"),
-    ],
-)
-def test_broken_tum_files_are_named_errors(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "b.tum").write_text(text)
-    with pytest.raises(EvaluationError, match=message):
-        read_tum(tmp_path / "b.tum")
-
-
 def _evo(trajectory: Trajectory) -> Any:
     evo_trajectory = pytest.importorskip("evo.core.trajectory")
     return evo_trajectory.PoseTrajectory3D(

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation import text_tables
 from recorder.evaluation.trajectory_files import read_tum
 
@@ -52,28 +51,3 @@ def test_stamps_and_numbers_are_those_of_python(tmp_path: Path, form: str, end: 
     text = end.join(["# a comment", "#", *(f"{line} 0 0 0 1" for line in lines)])
     read = read_tum(_written(tmp_path, text))
     assert (read.stamp_ns.tolist(), read.position_m.tolist()) == _of_python(text)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "1672531200000000000 1 2 3 0 0 0 1\n",
-        "1672531200000000000 0.5 2 3 0 0 0 1",
-        "-1.5  1 2 3 0 0 0 +1\n# a comment\n2.5\t1 2 3 0 0 0 1\n",
-        "1.0000000004 1 2 3 0 0 0 1\n",
-    ],
-)
-def test_other_files_are_read_line_by_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
-) -> None:
-    path = _written(tmp_path, text)
-    first = read_tum(path)
-    monkeypatch.setattr(text_tables, "_LONG_BYTES", 1 << 30)
-    assert first.stamp_ns.tolist() == read_tum(path).stamp_ns.tolist()
-    assert first.position_m.tolist() == read_tum(path).position_m.tolist()
-
-
-@pytest.mark.parametrize("end", ["", "7 8", "x", "1e", "NA", "1.2.3"])
-def test_a_wrong_line_is_named(tmp_path: Path, end: str) -> None:
-    with pytest.raises(EvaluationError, match=r"a\.tum line 3 is not"):
-        read_tum(_written(tmp_path, f"# time\n0.5 1 2 3 0 0 0 1\n1.5 1 2 3 0 0 0 {end}\n"))

@@ -1,6 +1,5 @@
 """Files of trajectories, read as evo reads them."""
 
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -11,22 +10,6 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
 from recorder.dataset.trajectories import read_trajectory
 from recorder.evaluation.evaluate import evaluate
-from recorder.evaluation.trajectory_files import write_tum
-
-
-def test_tum_with_a_byte_order_mark(tmp_path: Path) -> None:
-    path = write_tum(tmp_path / "a.tum", drive())
-    marked = tmp_path / "bom.txt"
-    marked.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
-    assert_same(read_trajectory(marked), drive())
-
-
-def test_unsorted_tum_is_sorted_with_a_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    lines = write_tum(tmp_path / "a.tum", drive()).read_text().splitlines()
-    (tmp_path / "b.tum").write_text("\n".join([lines[0], *reversed(lines[1:])]))
-    with caplog.at_level(logging.WARNING):
-        assert_same(read_trajectory(tmp_path / "b.tum"), drive())
-    assert "sorted" in caplog.text
 
 
 def test_kitti_as_evo_reads_it(tmp_path: Path) -> None:

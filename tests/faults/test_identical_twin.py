@@ -1,6 +1,5 @@
 """A replay with faults and its twin without: truth and every untouched stream have the same bytes."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -101,26 +100,6 @@ def test_a_rig_and_a_condition_hold_faults(straight_drive: StraightDrive, tmp_pa
     samples = yaml.safe_load((folder / "sequence.yaml").read_text())["samples"]
     assert "imu" not in samples
     assert "gnss" not in samples
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--fault", "lidar.drop_share=0.1"], "sensor with faults in this rig"),
-        (["--fault", "imu.drop=0.1"], "did you mean 'drop_share'"),
-        (["--condition", "missing.yaml"], "missing.yaml"),
-    ],
-)
-def test_bad_faults_are_one_line(
-    straight_drive: StraightDrive,
-    tmp_path: Path,
-    words: list[str],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    command = straight_drive.command(tmp_path / "out")[3:]
-    assert main([*command, *words, "--json"]) != 0
-    assert message in json.loads(capsys.readouterr().out)["error"]
 
 
 def test_formats_that_compute_with_the_calibration_refuse_its_faults(

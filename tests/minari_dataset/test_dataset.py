@@ -9,7 +9,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils import seeding
-from shared_fixtures.processes.small_disks import small_disk
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.core.clock import STEP_TICKS
@@ -190,15 +189,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_is_one_line_and_leaves_nothing(drive: Path, straight_map: Path, tmp_path: Path) -> None:
-    """HDF5 would end the process by a crash."""
-    pytest.importorskip("minari", reason="data sets need the extra `minari`")
-    with small_disk(tmp_path / "disk", 100 << 10) as disk:
-        with pytest.raises(OutputError, match=r"^cannot write .*one-v0: No space left on device; choose"):
-            write_minari(MinariConfig(episodes=(drive,), out=disk / "one-v0", map=straight_map))
-        assert not list(disk.iterdir())
-
-
 def test_a_data_set_is_not_replaced_and_reversing_needs_five_numbers(
     straight_map: Path, tmp_path: Path
 ) -> None:
@@ -220,12 +210,3 @@ def test_a_replay_says_where_such_data_sets_are_made(
 ) -> None:
     assert main(["replay", str(drive), "--out", str(tmp_path / "out"), "--format", "minari"]) == 1
     assert "use `carlaloc minari`" in capsys.readouterr().err
-
-
-def test_an_episode_that_cannot_be_read_leaves_nothing(drive: Path, tmp_path: Path) -> None:
-    pytest.importorskip("minari", reason="data sets need the extra `minari`")
-    (tmp_path / "bad.mcap").write_bytes(b"no episode")
-    config = MinariConfig(episodes=(drive, tmp_path / "bad.mcap"), out=tmp_path / "one-v0")
-    with pytest.raises(EpisodeError, match=r"bad\.mcap"):
-        write_minari(config)
-    assert [path.name for path in tmp_path.iterdir()] == ["bad.mcap"]

@@ -42,20 +42,6 @@ def test_a_still_camera_sees_the_same_picture_again(
         np.testing.assert_array_equal(light, later)
 
 
-def test_weathers_shaded_together_are_what_each_is_alone(
-    street: tuple[SceneRenderer, Pinhole, NDArray[np.float64]],
-) -> None:
-    """Two nights share their lists of lamps with what the driver may still be at work on."""
-    renderer, pinhole, pose = street
-    weathers = [PRESETS[name] for name in ("RainyNight", "ClearNoon", "ClearNight", "HardRainNoon")]
-    drawn = renderer.draw(pinhole, pose, Instances())
-    together = renderer.shade_all(drawn, weathers, stamp_ns=50_000_000, seed=2)
-    for weather, picture in zip(weathers, together, strict=True):
-        alone = renderer.shade(drawn, weather, stamp_ns=50_000_000, seed=2)
-        np.testing.assert_array_equal(picture, alone)
-    assert len({picture.tobytes() for picture in together}) == len(weathers)
-
-
 def test_a_slow_pan_does_not_shimmer(street: tuple[SceneRenderer, Pinhole, NDArray[np.float64]]) -> None:
     """Pictures 0.3 px of pan apart, warped back by the exact rotation, differ by few grey levels."""
     renderer, pinhole, pose = street

@@ -118,3 +118,24 @@ def attributes(draw: st.DrawFn, seed: bytes) -> Splices:
         splices.append((match.start(1), match.end(1), put.encode("utf-8", "replace")))
         data = spliced(data, splices[-1:])
     return splices
+
+
+@st.composite
+def elements(draw: st.DrawFn, seed: bytes) -> Splices:
+    """One to three elements below the root of an XML text cut out, doubled or moved."""
+    data, splices = seed, list[tuple[int, int, bytes]]()
+    for _ in range(draw(st.integers(1, 3))):
+        starts = list(re.finditer(rb"<(\w+)\b[^<>]*>", data))[1:]
+        match, other = (starts[draw(st.integers(0, len(starts) - 1))] for _ in range(2))
+        closing = (
+            None if match[0].endswith(b"/>") else re.compile(rb"</%b>" % match[1]).search(data, match.end())
+        )
+        begin, end = match.start(), (closing or match).end()
+        kind, piece = draw(st.sampled_from(["cut", "double", "move"])), data[begin:end]
+        edits = [(begin, end, b"" if kind != "double" else piece + piece)]
+        if kind == "move":
+            at = other.start() if other.start() < begin else max(other.start() - len(piece), begin)
+            edits.append((at, at, piece))
+        splices += edits
+        data = spliced(data, edits)
+    return splices

@@ -14,7 +14,7 @@ import hypothesis.strategies as st
 import numpy as np
 import yaml
 from robustness.command_lines import command_lines
-from robustness.mutations import Splices, attributes, damages, lines, spliced, trees
+from robustness.mutations import Splices, attributes, damages, elements, lines, spliced, trees
 from shared_fixtures.readings.pose_bags import PATH, POSES, TF, Messages
 from shared_fixtures.readings.pose_tables import DRESSINGS, S, drive
 
@@ -167,7 +167,7 @@ def _map() -> Target:
         xodr = read_opendrive(spliced(seed, splices))
         report(xodr, build_network(xodr))
 
-    return st.one_of(attributes(seed), attributes(seed), damages(seed)), read
+    return st.one_of(attributes(seed), elements(seed), damages(seed)), read
 
 
 def _tum(seeds: Seeds, work: Path) -> Target:

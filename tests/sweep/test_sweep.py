@@ -108,13 +108,3 @@ def test_an_offset_of_stamps_is_an_error_of_speed_times_offset(
     assert main(command(moving, place, "--seeds", "1")) == 0
     again = json.loads(capsys.readouterr().out)
     assert (again["reused"], again["instants"]) == (4, 0)
-
-
-def test_bad_sweeps_are_one_line(moving: Path, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    cases = {
-        ("--over", "fault.gnss.drop_share=0:1:2"): "sensor with faults in this rig",
-        ("--over", "fault.lidar.time_offset_ms=0,1"): "is swept twice",
-    }
-    for words, message in cases.items():
-        assert main(command(moving, place, *words)) != 0
-        assert message in json.loads(capsys.readouterr().out)["error"]

@@ -49,18 +49,26 @@ def kept(roads: TownRoads, xodr: OpenDrive | None, file: Path) -> TownRoads:
     return TownRoads.from_arrays(arrays, read, SEED)
 
 
-@pytest.mark.parametrize("name", ["Town01", "Town03", *SMALL])
-def test_kept_roads_are_those_made_anew(name: str, tmp_path: Path) -> None:
-    anew, _ = made(name)
+@pytest.mark.parametrize(
+    ("name", "roughness"), [("Town03", None), *((name, None) for name in SMALL), ("street", 0.0)]
+)
+def test_kept_roads_are_those_made_anew(name: str, roughness: float | None, tmp_path: Path) -> None:
+    """Neither asks for the map but for the relief under its surfaces, which is drawn again."""
+    anew, xodr = made(name, roughness)
     again = kept(anew, None, tmp_path / "roads.lanes")
     for part in NAMES:
         assert_same(getattr(again.network, part), getattr(anew.network, part), part)
     assert_same(again.route, anew.route, "route")
     assert_same(again.geo, anew.geo, "geo")
-    assert anew.levels is not None
-    assert again.levels is not None
-    assert_same(again.levels.table, anew.levels.table, "levels")
+    assert_same(again.levels and again.levels.table, anew.levels and anew.levels.table, "levels")
+    assert (anew.levels is None) == (roughness == 0.0)
     assert again.network.sidewalks == anew.network.sidewalks
+    again = kept(anew, xodr, tmp_path / "roads.lanes")
+    lanes = np.repeat(np.arange(len(anew.network.lanes)), 3)
+    station = anew.network.tables.length_m[lanes] * np.tile([0.1, 0.5, 0.9], len(anew.network.lanes))
+    assert_same(again.network.exact_pose(lanes, station), anew.network.exact_pose(lanes, station))
+    assert again.network.road_index == anew.network.road_index
+    assert again.network.broken_links == anew.network.broken_links
 
 
 def test_kept_roads_know_their_projection(tmp_path: Path) -> None:
@@ -73,26 +81,6 @@ def test_kept_roads_know_their_projection(tmp_path: Path) -> None:
     point = [[10.0, 20.0, 3.0]]
     assert np.array_equal(again.geo.enu_to_geodetic(point), anew.geo.enu_to_geodetic(point))
     assert again.geo.enu_to_geodetic(point)[0, 2] == 523.0
-
-
-def test_smooth_roads_stay_smooth(tmp_path: Path) -> None:
-    anew, _ = made("street", roughness=0.0)
-    again = kept(anew, None, tmp_path / "roads.lanes")
-    assert anew.levels is None
-    assert again.levels is None
-    assert_same(again.network.tables, anew.network.tables)
-
-
-@pytest.mark.parametrize("name", ["Town03", "street"])
-def test_the_map_behind_kept_roads_is_the_same(name: str, tmp_path: Path) -> None:
-    """Also the relief under its surfaces, which is drawn again."""
-    anew, xodr = made(name)
-    again = kept(anew, xodr, tmp_path / "roads.lanes")
-    lanes = np.repeat(np.arange(len(anew.network.lanes)), 3)
-    station = anew.network.tables.length_m[lanes] * np.tile([0.1, 0.5, 0.9], len(anew.network.lanes))
-    assert_same(again.network.exact_pose(lanes, station), anew.network.exact_pose(lanes, station))
-    assert again.network.road_index == anew.network.road_index
-    assert again.network.broken_links == anew.network.broken_links
 
 
 def test_a_map_that_changed_after_loading_is_not_taken_for_the_old_one(tmp_path: Path) -> None:

@@ -54,13 +54,6 @@ def test_pictures_of_a_busy_machine_do_not_flicker() -> None:
     assert changes < 12, "once in five seconds at most"
 
 
-def test_one_slow_picture_changes_nothing() -> None:
-    resolution = LiveResolution()
-    drive(resolution, lambda _: 0.5 * BUDGET_S, 100)
-    resolution.took(2.0 * BUDGET_S)
-    assert set(drive(resolution, lambda _: 0.5 * BUDGET_S, 30)) == {SIZES_PX[0]}
-
-
 def test_it_shrinks_at_once_and_grows_again_when_there_is_time() -> None:
     """A size that is far too slow is not left in single steps."""
     resolution = LiveResolution()

@@ -91,3 +91,20 @@ def test_the_cache_keeps_to_its_bound_and_is_cleared(
     assert "deleted 0.00 GB in" in capsys.readouterr().out
     assert not [*cache.glob("*.town"), *cache.glob("number-*")]
     assert all(path.exists() for path in foreign)
+
+
+def test_files_of_earlier_versions_are_dropped(tmp_path: Path) -> None:
+    for number in range(5):
+        (tmp_path / f"number-{number:032x}.test").write_bytes(b"")
+    fetch(tmp_path, 1.0)
+    assert len(list(tmp_path.glob("*.test"))) == 2
+    assert fetch(tmp_path, 2.0) == 1.0
+
+
+def test_a_cache_that_cannot_be_written_is_done_without(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").write_text("")
+    with caplog.at_level(logging.WARNING):
+        assert [fetch(tmp_path / "file" / "cache", value) for value in (1.0, 2.0)] == [1.0, 2.0]
+    assert "cannot be cached" in caplog.text

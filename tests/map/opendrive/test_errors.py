@@ -161,16 +161,3 @@ def test_polynomial_that_leaves_the_world_is_named() -> None:
     )
     with pytest.raises(MapError, match=r"line \d+: lane 1 of road 1"):
         build_network(data)
-
-
-def test_unknown_elements_are_skipped_anywhere() -> None:
-    """userData and foreign tags change nothing."""
-    noisy = re.sub(
-        r"(<(?:road|geometry|lane|signal|header)\b[^>/]*>)",
-        r"\1<userData code='x'><deep a='1'/></userData>",
-        TEXT,
-    )
-    assert noisy.count("userData") > 60
-    plain, other = read_opendrive(TEXT.encode()), read_opendrive(noisy.encode())
-    assert len(other.roads) == len(plain.roads)
-    assert [r.geometry for r in other.roads] == [r.geometry for r in plain.roads]

@@ -144,26 +144,3 @@ def test_lit_lens_follows_the_signal(world: SmallWorld, drive: Timeline) -> None
     assert abs(columns.mean() - u) < 1.0
     assert abs(rows.mean() - v) < 1.0
     assert not np.any(green == 55)
-
-
-def test_two_weathers_of_one_drawing_equal_two_drawings(world: SmallWorld, drive: Timeline) -> None:
-    sensor, stamp_ns = camera(world), 250_000_000
-    weathers = [PRESETS["FoggyNoon"], PRESETS["RainyNight"]]
-    together = sensor.measure_conditions(drive, stamp_ns, weathers)
-    for weather, samples in zip(weathers, together, strict=True):
-        (alone,) = sensor.measure_conditions(drive, stamp_ns, [weather])
-        for a, b in zip(samples, alone, strict=True):
-            for name in ("rgb", "depth_m", "tag", "instance"):
-                if hasattr(a, name):
-                    np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
-    assert not np.array_equal(together[0][0].rgb, together[1][0].rgb)  # type: ignore[attr-defined]
-    assert together[0][1] is together[1][1]
-
-
-def test_order_of_stamps_changes_no_byte(world: SmallWorld, drive: Timeline) -> None:
-    sensor = camera(world)
-    stamps = [0, 50_000_000, 500_000_000]
-    forwards = {s.stamp_ns: s for s in sensor.measure(drive, stamps) if isinstance(s, Image)}
-    backwards = {s.stamp_ns: s for s in sensor.measure(drive, stamps[::-1]) if isinstance(s, Image)}
-    for stamp in stamps:
-        np.testing.assert_array_equal(forwards[stamp].rgb, backwards[stamp].rgb)

@@ -11,7 +11,7 @@ from shared_fixtures.readings.imu_readings import QUIET, read
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.stochastic_processes import Flicker, GaussMarkov, RandomWalk, WhiteSequence
+from carlaloc_env.sensors.stochastic_processes import Flicker, GaussMarkov, RandomWalk
 
 
 def allan_variance(x: Array, strides: list[int]) -> Array:
@@ -122,17 +122,6 @@ def test_bias_walks_with_the_square_root_of_time() -> None:
     assert ends[1::2].std() == pytest.approx(40, rel=0.12)
     steps = np.diff(RandomWalk(1, "imu/bias", 2).rows(np.arange(5000)), axis=0)
     assert steps.std() == pytest.approx(1.0, rel=0.03)
-
-
-def test_random_access_to_noise_gives_the_same_bytes() -> None:
-    """Jumping, going backwards or walking there: the bias of a tick is the same number."""
-    walk = RandomWalk(3, "imu/bias", 6).rows(np.arange(2000))
-    white = WhiteSequence(3, "imu/white", 6).rows(np.arange(2000))
-    order = np.random.default_rng(0).permutation(2000)
-    jump, jump_white = RandomWalk(3, "imu/bias", 6), WhiteSequence(3, "imu/white", 6)
-    for n in order[:300]:
-        assert jump.rows(np.array([n]))[0].tobytes() == walk[n].tobytes()
-        assert jump_white.rows(np.array([n]))[0].tobytes() == white[n].tobytes()
 
 
 def test_wrong_noise_figures_are_refused() -> None:
