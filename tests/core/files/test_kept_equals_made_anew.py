@@ -11,10 +11,11 @@ from shared_fixtures.worlds.equality import assert_same
 
 from carlaloc_env.assets import model_library
 from carlaloc_env.assets.model_library import build_library
-from carlaloc_env.core.files.array_cache import SHARED_FROM_BYTES
+from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES
 from carlaloc_env.physics.ground_heights import ground_arrays, ground_table, kept_ground
-from carlaloc_env.scene.materials import Material, Tag
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.standing_traffic import TrafficTables, kept_tables
 
