@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from shared_fixtures.worlds.equality import assert_same
+from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.assets import model_library
 from carlaloc_env.assets.model_library import build_library
@@ -16,6 +17,7 @@ from carlaloc_env.physics.ground_heights import ground_arrays, ground_table, kep
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.standing_traffic import TrafficTables, kept_tables
 
@@ -68,8 +70,14 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
+    """A crossing with lights, crosswalks and a route."""
+    return load_town(CROSSING, cache_dir=tmp_path_factory.mktemp("town"))
+
+
 @pytest.fixture
-def makers(town03: Town, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, tuple[Made, Made]]]:
+def makers(town: Town, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, tuple[Made, Made]]]:
     """By the kind of a file: makes something anew, and fetches the same through the cache."""
     mesh = waves(150)
     monkeypatch.setattr(model_library, "make_models", small_models)
@@ -79,8 +87,8 @@ def makers(town03: Town, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, 
             lambda: frozen(ground_arrays(kept_ground(*mesh))),
         ),
         "traffic": (
-            lambda: traffic_of(TrafficTables(town03.network, town03.route)),
-            lambda: traffic_of(kept_tables(town03)),
+            lambda: traffic_of(TrafficTables(town.network, town.route)),
+            lambda: traffic_of(kept_tables(town)),
         ),
         "models": (lambda: arrays_of(small_models()), library_again),
     }
@@ -112,10 +120,10 @@ def test_small_grounds_are_not_kept_and_moved_ones_apart(cache: Path) -> None:
     assert len(list(cache.glob("ground-*.ground"))) == 2
 
 
-def test_another_route_has_other_traffic_tables(town03: Town, cache: Path) -> None:
+def test_another_route_has_other_traffic_tables(town: Town, cache: Path) -> None:
     """Also under the same name: the file is named after all that its tables come from."""
-    other = replace(town03, roads=replace(town03.roads, route=None))
-    first, second = kept_tables(town03), kept_tables(other)
+    other = replace(town, roads=replace(town.roads, route=None))
+    first, second = kept_tables(town), kept_tables(other)
     assert not np.array_equal(first.roads.lane.demand, second.roads.lane.demand)
-    assert_same(traffic_of(second), traffic_of(TrafficTables(town03.network)))
+    assert_same(traffic_of(second), traffic_of(TrafficTables(town.network)))
     assert len(list(cache.glob("*.traffic"))) == 2
