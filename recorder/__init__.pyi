@@ -16,15 +16,15 @@ from recorder.episode.edit import join_episodes as join_episodes
 from recorder.episode.edit import thin_actors as thin_actors
 from recorder.episode.episode import Episode as Episode
 from recorder.episode.episode import open_episode as open_episode
-from recorder.episode.episode import repair_episode as repair_episode
+from recorder.episode.episode_town import town_id_of as town_id_of
+from recorder.episode.episode_town import town_of as town_of
+from recorder.episode.repair import repair_episode as repair_episode
 from recorder.episode.summary import summarise as summarise
-from recorder.episode.summary import town_id_of as town_id_of
-from recorder.episode.summary import town_of as town_of
 from recorder.episode.writer import EpisodeHeader as EpisodeHeader
 from recorder.episode.writer import EpisodeWriter as EpisodeWriter
 from recorder.evaluation.align import Alignment as Alignment
-from recorder.evaluation.evaluate import EvaluationResult as EvaluationResult
 from recorder.evaluation.evaluate import evaluate as evaluate
+from recorder.evaluation.evaluation_result import EvaluationResult as EvaluationResult
 from recorder.evaluation.metrics import Metric as Metric
 from recorder.evaluation.trajectory import Trajectory as Trajectory
 from recorder.evaluation.trajectory_files import read_tum as read_tum
@@ -57,6 +57,6 @@ from recorder.writers.ros.rosbag1 import Ros1Encoder as Ros1Encoder
 from recorder.writers.ros.rosbag1 import Rosbag1Writer as Rosbag1Writer
 from recorder.writers.ros.rosbag2 import Ros2Encoder as Ros2Encoder
 from recorder.writers.ros.rosbag2 import Rosbag2Writer as Rosbag2Writer
-from recorder.writers.topics import PROFILES as PROFILES
+from recorder.writers.topic_profiles import PROFILES as PROFILES
 from recorder.writers.topics import TopicProfile as TopicProfile
 from recorder.writers.topics import TopicRule as TopicRule

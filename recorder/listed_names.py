@@ -30,7 +30,7 @@ def _weathers() -> dict[str, str]:
 
 
 def _traffic() -> dict[str, str]:
-    from recorder.episode.summary import LEVEL_WORDS
+    from recorder.episode.traffic_level import LEVEL_WORDS
 
     return dict(LEVEL_WORDS)
 
@@ -52,7 +52,7 @@ def _formats() -> dict[str, str]:
 
 
 def _topics() -> dict[str, str]:
-    from recorder.writers.topics import PROFILES
+    from recorder.writers.topic_profiles import PROFILES
 
     return {
         name: f"{len({rule.topic for rule in profile.rules})} topics" for name, profile in PROFILES.items()

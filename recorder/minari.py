@@ -42,7 +42,7 @@ from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import StopLines
 from carlaloc_env.weather.schedule import weather_of
 from recorder.episode.episode import ControlLog, Episode
-from recorder.episode.summary import town_of
+from recorder.episode.episode_town import town_of
 
 if TYPE_CHECKING:
     from minari.data_collector import EpisodeBuffer

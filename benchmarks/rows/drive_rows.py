@@ -21,7 +21,7 @@ from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.devices.registry import open_device
 from recorder.drive.listeners import EpisodeListener
-from recorder.episode.episode import EpisodeHeader, EpisodeWriter
+from recorder.episode.writer import EpisodeHeader, EpisodeWriter
 from recorder.window.hud import DriveStatus
 
 VEHICLES, WALKERS = 266, 34

@@ -8,7 +8,8 @@ import numpy as np
 from bench import Bench, Row
 from timing import time_calls
 
-from recorder.evaluation.evaluate import EvaluationResult, evaluate
+from recorder.evaluation.evaluate import evaluate
+from recorder.evaluation.evaluation_result import EvaluationResult
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum, write_tum

@@ -11,7 +11,7 @@ from timing import Timing, time_calls
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.dataset.readings import stereo_of
+from recorder.dataset.rig_sensors import stereo_of
 from recorder.drive.record import RecordConfig, record
 from recorder.replaying.plan import ReplayConfig, plan_replay
 from recorder.streaming.frames import FrameJob, FrameMaker, sensors_for

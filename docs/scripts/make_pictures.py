@@ -12,8 +12,8 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.demo.story import DEMO_DRIVE
+from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import Episode
-from recorder.episode.messages import actor_states
 from recorder.report.mosaic import pictures_of_instant, rows_of_three
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "sensors.jpg"

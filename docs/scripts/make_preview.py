@@ -25,7 +25,7 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
-from recorder.episode.summary import traffic_level
+from recorder.episode.traffic_level import traffic_level
 from recorder.report.mosaic import depth_image, lidar_image, semantic_image
 
 PICTURE = Path(__file__).parents[1] / "gallery" / "sensor_preview.png"

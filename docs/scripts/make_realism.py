@@ -13,7 +13,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from recorder.bags import open_bag
+from recorder.bags.reader import open_bag
 from recorder.dataset.scans import read_scans
 from recorder.verification.lidar_figures import sweeps_of
 from recorder.verification.realism import Figure, measure_realism

@@ -24,7 +24,8 @@ from carlaloc_env.samples import (
     WheelTicks,
 )
 from recorder.writers.ros.messages import ENCODERS
-from recorder.writers.topics import PROFILES, TopicProfile
+from recorder.writers.topic_profiles import PROFILES
+from recorder.writers.topics import TopicProfile
 
 PAGE = Path(__file__).parents[1] / "topics.md"
 HEAD = """\

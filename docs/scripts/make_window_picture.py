@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from recorder.drive.record import RecordConfig, record
+from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import Episode
-from recorder.episode.messages import actor_states
 from recorder.window.start_screen import Opening
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "window.jpg"

@@ -25,7 +25,7 @@ from recorder.benchmark.run import BenchmarkResult
 from recorder.benchmark.tables import LETTERS, RULE, Tables, all_tables, frame_of, titles_of, write_tables
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SlamSequence
-from recorder.evaluation.evaluate import PathErrors
+from recorder.evaluation.path_errors import PathErrors
 from recorder.report.mosaic import panels_in
 from recorder.report.town_preview import lane_lines_of
 from recorder.report.trajectory_plot import COLOURS

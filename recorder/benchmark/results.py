@@ -24,8 +24,10 @@ from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence
 from recorder.evaluation.align import attitude_errors_deg
 from recorder.evaluation.associate import Association
-from recorder.evaluation.evaluate import FailRule, PathErrors, evaluate
+from recorder.evaluation.evaluate import evaluate
+from recorder.evaluation.fail_rule import FailRule
 from recorder.evaluation.metrics import Metric, Statistics
+from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.supervisor import RunRecord, run_isolated

@@ -23,7 +23,7 @@ from recorder.benchmark.results import (
     run_job,
 )
 from recorder.dataset.sequence import SlamSequence, faults_of
-from recorder.evaluation.evaluate import PathErrors
+from recorder.evaluation.path_errors import PathErrors
 from recorder.replaying.unit_work import STOP
 from recorder.replaying.workers import DaskCluster, Task, ThisProcess, Workers, progress_of, run_tasks
 from recorder.slam.supervisor import LOG, RunRecord

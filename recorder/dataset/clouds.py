@@ -1,15 +1,8 @@
-"""Point clouds of messages: `sensor_msgs/PointCloud2` with any fields, Livox's `CustomMsg`, and Draco.
-
-Which topic of a bag is a LiDAR's, by its first clouds: maps, boxes, radars and cameras have clouds, too.
-"""
+"""Point clouds of messages: `sensor_msgs/PointCloud2` with any fields, Livox's `CustomMsg`, and Draco."""
 
 import re
 import struct
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
-from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -18,18 +11,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from recorder.bags import refused_in_one_line
-from recorder.writers.ros.sensor_messages import columns_of_draco
+from recorder.writers.ros.compact_messages import columns_of_draco
 
 POINT_CLOUD, LIVOX = "sensor_msgs/msg/PointCloud2", re.compile(r"livox_ros_driver2?/msg/CustomMsg")
 CLOUD = re.compile(
     f"{POINT_CLOUD}|{LIVOX.pattern}|foxglove_msgs/msg/CompressedPointCloud|point_cloud_interfaces/msg/.*"
 )
 """Types of messages that may be read."""
-READ = "sensor_msgs/PointCloud2 and livox_ros_driver2/CustomMsg, foxglove_msgs/CompressedPointCloud by Draco"
-DEFAULT_TOPICS = ("/lidar/points", "/lidar/draco")
-"""Topics of the clouds of our bags."""
-
 _DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Numbers of `sensor_msgs/PointField` as NumPy types."""
 _NAMES = {
@@ -199,8 +187,8 @@ def cloud_of_livox(raw: bytes, *, is_cdr: bool, time_field: str | None = None) -
 
 def unit_in_name(field: str) -> str | None:
     """Unit in the name of a field of times: s, ms, us or ns; None: it has none."""
-    found = _TIME.fullmatch(field.lower())
-    unit = found["unit"] if found else None
+    match = _TIME.fullmatch(field.lower())
+    unit = match["unit"] if match else None
     return unit and unit.removesuffix("ec")
 
 
@@ -208,9 +196,9 @@ def _roles(fields: tuple[str, ...], time_field: str | None) -> tuple[dict[str, s
     """Fields by their role, and those that may hold times."""
     lower = {name.lower(): name for name in reversed(fields)}
     roles: dict[str, str] = {}
-    for role, known in _NAMES.items():
-        if found := [lower[name] for name in known if name in lower]:
-            roles[role] = found[0]
+    for role, candidates in _NAMES.items():
+        if matches := [lower[name] for name in candidates if name in lower]:
+            roles[role] = matches[0]
     missing = [axis for axis in "xyz" if axis not in roles]
     if missing:
         raise EvaluationError(
@@ -278,121 +266,3 @@ def _tag(label: NDArray[Any]) -> NDArray[np.uint8] | None:
     """Labels as semantic tags; None: they are of another vocabulary, which does not fit into a byte."""
     tag: NDArray[np.uint8] = label.astype(np.uint8)
     return tag if np.array_equal(tag, label) else None
-
-
-_SEEN = 12
-"""Number of clouds by which a topic is judged."""
-_WORLD = re.compile(r"(?:.*[/_])?(?:map|odom|world|camera_init|earth|global|utm|enu)", re.IGNORECASE)
-"""Names of frames that do not move with a sensor."""
-_OTHERS = {
-    "boxes of objects": {"length", "width", "heading", "yaw", "yaw_rate", "size_x"},
-    "detections of a radar": {"rcs", "doppler", "range_rate", "dyn_prop", "vx_comp", "v_r"},
-    "costs": {"cost", "costs", "path_cost", "occ_cost", "total_cost", "occupancy"},
-}
-"""Other things than a LiDAR's points, and fields that show them."""
-_OF_RADARS = {"velocity", "radial_velocity", "doppler_velocity", "radial_speed", "vx", "snr", "power"}
-"""Fields of radars, and of some LiDARs, which have many more points."""
-_COLOURS = {"rgb", "rgba"}
-_RADAR_POINTS, _FEW_POINTS = 2000, 100
-"""Most points of a radar's cloud, and fewest of a LiDAR's."""
-_FLAT_M, _SMALL_M, _FAR_M, _CELL_M = 0.05, 1.0, 1000.0, 0.02
-"""Least height and extent of a LiDAR's clouds, greatest distance, and least cell of a grid [m]."""
-_SLOW_S = 1.5
-"""Longest time between sweeps [s]."""
-
-
-def without_clouds(bag: Path, connections: Sequence[Connection], topic: str | None, known: list[str]) -> str:
-    """Why a bag has no clouds to be read on a topic, or (None) none at all."""
-    others = {c.topic: c.msgtype for c in connections if topic in (None, c.topic)}
-    if topic is not None and not others:
-        return f"{bag}: {unknown_name('topic with point clouds', topic, known)}"
-    found = ", ".join(f"{name} is {kind}" for name, kind in sorted(others.items(), key=_unlike_a_cloud))
-    return f"{bag}: no point clouds that are read here ({READ}); {found or 'it is empty'}"
-
-
-def _unlike_a_cloud(item: tuple[str, str]) -> tuple[bool, str]:
-    return not re.search("scan|packet|cloud|lidar|laser", item[1], re.IGNORECASE), item[0]
-
-
-def doubt_of(bag: Path, reader: AnyReader, connections: list[Connection], frame: str) -> str:
-    """Why a topic is hardly one LiDAR's, by its first clouds; empty: it looks like one's."""
-    clouds: list[Cloud] = []
-    try:
-        with refused_in_one_line(bag):
-            for connection, _, raw in islice(reader.messages(connections=connections), _SEEN):
-                cloud = read_cloud(reader, connection, raw)
-                frame = frame or cloud.frame_id
-                if frame == cloud.frame_id and len(cloud.points_xyz_m):
-                    clouds.append(cloud)
-    except EvaluationError as error:
-        return str(error)
-    return next(_doubts(clouds), "") if clouds else ""
-
-
-def of_one_frame(clouds: Iterator[tuple[int, Cloud]], where: str, frame: str) -> Iterator[tuple[int, Cloud]]:
-    """Clouds of a frame, each with its time of recording; empty: there must be one alone.
-
-    Raises:
-        EvaluationError: there are clouds of two frames, and none is asked for.
-    """
-    first = frame
-    for at_ns, cloud in clouds:
-        first = first or cloud.frame_id
-        if cloud.frame_id == first:
-            yield at_ns, cloud
-        elif not frame:
-            names = " or ".join(f"{where.rpartition(' ')[2]}:{name}" for name in (first, cloud.frame_id))
-            raise EvaluationError(f"{where} has clouds of two sensors; choose by --topic {names}")
-
-
-def _doubts(clouds: Sequence[Cloud]) -> Iterator[str]:
-    """Reasons why clouds of one frame are hardly the sweeps of a LiDAR."""
-    fields = {name.lower() for name in clouds[0].fields}
-    count = median(len(cloud.points_xyz_m) for cloud in clouds)
-    for kind, names in _OTHERS.items():
-        if found := ", ".join(sorted(fields & names)):
-            yield f"it holds {kind} ({found})"
-    if count < _RADAR_POINTS and (found := ", ".join(sorted(fields & _OF_RADARS))):
-        yield f"it holds detections of a radar ({found}, {count:.0f} points)"
-    if fields & _COLOURS and not (clouds[0].times or clouds[0].ring is not None):
-        yield "it holds a camera's coloured points"
-    if count < _FEW_POINTS:
-        yield f"its clouds have {count:.0f} points"
-    yield from _odd_extents(np.concatenate([thinned(cloud.points_xyz_m) for cloud in clouds]))
-    if _WORLD.fullmatch(clouds[0].frame_id):
-        yield f"its frame '{clouds[0].frame_id}' moves with no sensor: a map, or clouds registered already"
-    times_s = np.unique([cloud.stamp_ns for cloud in clouds]) * 1e-9
-    if len(times_s) > 1 and (step_s := float(np.median(np.diff(times_s)))) > _SLOW_S:
-        yield f"it has a cloud every {step_s:.1f} s"
-    if 1 < len(times_s) <= 0.75 * len(clouds) or _take_turns(clouds):
-        yield "two sensors of one frame share it: record a topic for each"
-
-
-def thinned(points_xyz_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """At most 4000 points of a cloud, at steps that no number of rings divides."""
-    count = len(points_xyz_m)
-    rows = np.linspace(0, count - 1, min(count, 4000)).astype(int)
-    return np.asarray(points_xyz_m[rows])
-
-
-def _odd_extents(points_xyz_m: NDArray[np.float64]) -> Iterator[str]:
-    """Ways in which points do not lie around a LiDAR."""
-    low, high = np.percentile(points_xyz_m, [5, 95], axis=0)
-    if np.ptp(points_xyz_m[:, 2]) < _FLAT_M:
-        yield "all of its points lie in one plane"
-    if (size_m := (high - low).max()) < _SMALL_M:
-        yield f"its points lie within {size_m:.1g} m"
-    if (away_m := float(np.median(np.linalg.norm(points_xyz_m, axis=1)))) > _FAR_M:
-        yield f"its points lie {away_m / 1000:.0f} km away, in coordinates of a map"
-    lines_m = np.unique(points_xyz_m[:, 0])
-    if len(lines_m) < 0.05 * len(points_xyz_m) and np.median(np.diff(lines_m)) > _CELL_M:
-        yield "its points are cells of a grid"
-
-
-def _take_turns(clouds: Sequence[Cloud]) -> bool:
-    """Whether every second cloud resembles the last but one, and not the last."""
-    middles = np.array([cloud.points_xyz_m.mean(axis=0) for cloud in clouds])
-    if len(middles) < 6:
-        return False
-    one, two = (np.median(np.linalg.norm(middles[k:] - middles[:-k], axis=1)) for k in (1, 2))
-    return bool(one > 0.5 and two < 0.3 * one)

@@ -8,20 +8,16 @@ DIR/TOWN/WEATHER_TRAFFIC/sequence.yaml  SHA256SUMS    one sequence: its descript
     bags, mav0/, kitti/, dsec/, nuscenes/, colmap/,   and its data, in the formats of `FORMATS`
     raw/
 ```
-
-SHA-256 of all files below a folder, in the form that ``sha256sum -c SHA256SUMS`` reads.
 """
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError, unknown_name
-from carlaloc_env.core.files.atomic_files import atomic_write, part_path
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.files.atomic_files import part_path
 from carlaloc_env.core.files.output_paths import path_below
-from carlaloc_env.core.files.text_files import read_text
 
 DATASET, SEQUENCE, CHECKSUMS = "dataset.yaml", "sequence.yaml", "SHA256SUMS"
 """Descriptions of a dataset and of a sequence; checksums of all files below a folder."""
@@ -129,7 +125,7 @@ class SequenceFolder:
     @property
     def bags(self) -> list[Path]:
         """Existing bags, those without movers last."""
-        names = [name for name, found in FORMATS.items() if found.is_bag]
+        names = [name for name, form in FORMATS.items() if form.is_bag]
         places = [self.place(name, begin=begin) for begin in ("", SEG_BAG) for name in names]
         return [path for path in places if path.exists()]
 
@@ -208,58 +204,6 @@ def sequence_at(path: Path) -> SequenceFolder:
 
 def sequences_below(root: Path) -> list[SequenceFolder]:
     """Finished sequences of all datasets below a folder, by their paths."""
-    found = sorted(file.parent for file in root.rglob(SEQUENCE))
-    hidden = [any(part.startswith(".") for part in path.relative_to(root).parts) for path in found]
-    return [SequenceFolder(path) for path, skip in zip(found, hidden, strict=True) if not skip]
-
-
-def checksums(folder: Path) -> dict[str, str]:
-    """SHA-256 by path of every file below a folder, but hidden files and the folder's `CHECKSUMS`."""
-    return {name: file_sha256(folder / name) for name in _names(folder)}
-
-
-def write_checksums(folder: Path) -> None:
-    """Write `CHECKSUMS`; sums of sub-folders with a `CHECKSUMS` are copied from there.
-
-    Raises:
-        WriterError: it cannot be written.
-    """
-    known: dict[str, str] = {}
-    for file in folder.glob(f"*/*/{CHECKSUMS}"):
-        inner = file.parent.relative_to(folder)
-        known |= {str(inner / name): digest for name, digest in read_checksums(file.parent).items()}
-    lines = [f"{known.get(name) or file_sha256(folder / name)}  {name}\n" for name in _names(folder)]
-    with atomic_write(folder / CHECKSUMS, WriterError) as part:
-        part.write_text("".join(lines), encoding="utf-8")
-
-
-def read_checksums(folder: Path, error: type[CarlaLocError] = ConfigError) -> dict[str, str]:
-    """SHA-256 of a folder's files by path, from its `CHECKSUMS`.
-
-    Raises:
-        CarlaLocError: of the kind `error`; it cannot be read.
-    """
-    text = read_text(folder / CHECKSUMS, "list of checksums", error)
-    rows = [line.split("  ", 1) for line in text.splitlines()]
-    if any(len(row) != 2 or len(row[0]) != 64 for row in rows):
-        raise error(f"cannot read {folder / CHECKSUMS}: no lines of SHA-256 and name; make the dataset anew")
-    return {name: digest for digest, name in rows}
-
-
-def _names(folder: Path) -> list[str]:
-    """Paths of all files, in the order of their parts."""
-    found = []
-    for path in sorted(folder.rglob("*")):
-        inner = path.relative_to(folder)
-        if path.is_file() and inner != Path(CHECKSUMS) and not any(p.startswith(".") for p in inner.parts):
-            found.append(inner.as_posix())
-    return found
-
-
-def file_sha256(path: Path) -> str:
-    """SHA-256 of a file, read in pieces."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while piece := file.read(1 << 20):
-            digest.update(piece)
-    return digest.hexdigest()
+    folders = sorted(file.parent for file in root.rglob(SEQUENCE))
+    hidden = [any(part.startswith(".") for part in path.relative_to(root).parts) for path in folders]
+    return [SequenceFolder(path) for path, skip in zip(folders, hidden, strict=True) if not skip]

@@ -20,16 +20,11 @@ from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.config_files import to_mapping
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.dataset.layout import (
-    DATASET,
-    DatasetFolder,
-    SequenceFolder,
-    file_sha256,
-    sequences_below,
-    write_checksums,
-)
+from recorder.dataset.checksums import file_sha256, write_checksums
+from recorder.dataset.layout import DATASET, DatasetFolder, SequenceFolder, sequences_below
 from recorder.episode.episode import Episode
-from recorder.writers.topics import TopicProfile, profile_by_name
+from recorder.writers.topic_profiles import profile_by_name
+from recorder.writers.topics import TopicProfile
 
 VERSIONED = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
 """Distributions whose versions shape a dataset."""
@@ -136,10 +131,10 @@ def has_drive(out: Path, town: str, origin: Mapping[str, Any]) -> bool:
     """
     if not DatasetFolder(out).description.exists():
         return False
-    found = DatasetManifest.read(out, WriterError).drives.get(town)
-    if found is None:
+    drive = DatasetManifest.read(out, WriterError).drives.get(town)
+    if drive is None:
         return False
-    other = [key for key, value in origin.items() if found.get(key) != value]
+    other = [key for key, value in origin.items() if drive.get(key) != value]
     if other:
         raise WriterError(
             f"{out} holds a dataset of another {other[0]} in {town}; choose another --out or delete it first"
@@ -156,8 +151,8 @@ def list_drive(out: Path, town: str, origin: Mapping[str, Any]) -> None:
     drives = {town: origin}
     recipe = None
     if DatasetFolder(out).description.exists():
-        found = DatasetManifest.read(out, WriterError)
-        drives, recipe = dict(sorted({**found.drives, town: origin}.items())), found.recipe
+        manifest = DatasetManifest.read(out, WriterError)
+        drives, recipe = dict(sorted({**manifest.drives, town: origin}.items())), manifest.recipe
     write_manifest(out, drives, recipe)
 
 
@@ -212,16 +207,16 @@ class SequenceDescription:
         if not file.is_file():
             raise error(f"{sequence.path} holds no {file.name}; give the folder of one sequence")
         try:
-            found = yaml.safe_load(read_text(file, "sequence's description", error))
+            values = yaml.safe_load(read_text(file, "sequence's description", error))
             return cls(
-                name=str(found["name"]),
-                weather=dict(found["weather"]),
-                traffic=dict(found["traffic"]),
-                rig=str(found["rig"]),
-                epoch_ns=int(found["epoch_ns"]),
-                samples={str(k): int(v) for k, v in found["samples"].items()},
-                movers={str(k): float(v) for k, v in found["movers"].items()},
-                faults=dict(found.get("faults") or {}),
+                name=str(values["name"]),
+                weather=dict(values["weather"]),
+                traffic=dict(values["traffic"]),
+                rig=str(values["rig"]),
+                epoch_ns=int(values["epoch_ns"]),
+                samples={str(k): int(v) for k, v in values["samples"].items()},
+                movers={str(k): float(v) for k, v in values["movers"].items()},
+                faults=dict(values.get("faults") or {}),
             )
         except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as fault:
             raise error(f"cannot read {file}: {_reason(fault)}; replay it anew") from fault

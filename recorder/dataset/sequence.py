@@ -21,20 +21,14 @@ from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig
-from recorder.dataset.folder_readings import NEXT, FeedReadings, FolderReadings
+from recorder.dataset.bag_messages import stamps_in
+from recorder.dataset.feed_readings import NEXT, FeedReadings
+from recorder.dataset.folder_readings import FolderReadings
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
-from recorder.dataset.readings import (
-    ImuSample,
-    Readings,
-    StereoPair,
-    check_gaps,
-    imu_faults,
-    imu_of,
-    lidar_of,
-    stamps_in,
-    stereo_of,
-)
+from recorder.dataset.reading_checks import check_gaps, imu_faults
+from recorder.dataset.readings import ImuSample, Readings, StereoPair
+from recorder.dataset.rig_sensors import imu_of, lidar_of, stereo_of
 from recorder.dataset.scans import Scan
 from recorder.evaluation.trajectory_files import read_tum
 
@@ -199,10 +193,10 @@ class SlamSequence:
         """
         if self._imu is None:
             self._imu = deque(self.imu_samples())
-        found = []
+        samples = []
         while self._imu and self._imu[0].stamp_ns <= stamp_ns:
-            found.append(self._imu.popleft())
-        return found
+            samples.append(self._imu.popleft())
+        return samples
 
     def image_stamps(self) -> NDArray[np.int64]:
         """Times of the images of the left camera [ns], shape (N,)."""

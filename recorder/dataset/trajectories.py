@@ -1,131 +1,22 @@
-"""Trajectories of any kind of file: text, or messages with poses in bags.
-
-Trajectories in a tree of frames, as ROS's `/tf` has them.
-"""
+"""Reads trajectories of any kind of file: text, or messages with poses in bags."""
 
 import logging
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rosbags.highlevel import AnyReader
 
-from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from recorder.bags import open_bag, refused_in_one_line
-from recorder.dataset.readings import stamp_ns
-from recorder.evaluation.trajectory import Trajectory, in_order
+from recorder.bags.reader import open_bag, refused_in_one_line
+from recorder.dataset.bag_messages import stamp_ns
+from recorder.dataset.transform_tree import TF_TYPES, messages_of, read_tree
+from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory_checks import in_order
 from recorder.evaluation.trajectory_files import read_text_trajectory
 
-TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-"""Types of messages that hold transforms, in ROS 1's first years and since."""
-
-Tree = dict[str, tuple[str, Trajectory]]
-"""Parent of each frame, and its motion there; a single pose: it is fixed."""
-
-
-def messages_of(reader: AnyReader, topic: str) -> Iterator[tuple[str, int, Any]]:
-    """Messages of a topic that the bag has, each with its type and the time at which it was recorded [ns]."""
-    for connection, at_ns, raw in reader.messages([c for c in reader.connections if c.topic == topic]):
-        yield connection.msgtype, at_ns, reader.deserialize(raw, connection.msgtype)
-
-
-def read_tree(path: Path, reader: AnyReader, topic: str, frames: str = "") -> Trajectory:
-    """Motion of a frame in another, at the stamps of the link between them with the most poses.
-
-    Args:
-        path: The bag.
-        reader: Opened.
-        topic: Topic of the transforms; fixed ones are taken from its neighbour ``…_static``.
-        frames: ``PARENT.CHILD``; empty: the frame with the longest path, in the root frame, with a warning.
-
-    Raises:
-        EvaluationError: there is no such frame, or the child is not below the parent.
-    """
-    tree = _tree(path, reader, topic)
-    pairs = {f"{parent}.{child}": (parent, child) for child in tree for parent in _above(tree, child)}
-    if not frames:
-        moving = [child for child, (_, moves) in tree.items() if len(moves) > 1]
-        if not moving:
-            raise EvaluationError(f"{path}: no frame on {topic} moves; known: {', '.join(sorted(tree))}")
-        child = max(moving, key=lambda frame: tree[frame][1].length_m)
-        frames = f"{_above(tree, child)[-1]}.{child}"
-        _LOG.warning(
-            "%s: %s:%s is read; --topic takes another of %s",
-            path,
-            topic,
-            frames,
-            ", ".join(sorted(pairs)[:9]),
-        )
-    if frames not in pairs:
-        raise EvaluationError(f"{path}: {unknown_name('pair of frames PARENT.CHILD', frames, pairs)}")
-    parent, child = pairs[frames]
-    links = []
-    while child != parent:
-        child, moves = tree[child]
-        links.append(moves)
-    return replace(_chained(path, links[::-1]), name=path.stem)
-
-
-def _tree(path: Path, reader: AnyReader, topic: str) -> Tree:
-    rows: dict[tuple[str, str], list[tuple[int, Any]]] = {}
-    topics = {c.topic for c in reader.connections if c.msgcount}
-    for name in sorted({f"{topic}_static", topic} & topics):
-        for _, _, message in messages_of(reader, name):
-            for each in message.transforms:
-                stamp = each.header.stamp
-                link = (each.child_frame_id.strip("/"), each.header.frame_id.strip("/"))
-                if name != topic and link in rows:
-                    rows[link].clear()
-                rows.setdefault(link, []).append((stamp.sec * 10**9 + stamp.nanosec, each.transform))
-    tree: Tree = {}
-    for (child, parent), found in rows.items():
-        if child in tree:
-            raise EvaluationError(f"{path}: frame {child} has two parents, {tree[child][0]} and {parent}")
-        table = np.array([
-            (v.x, v.y, v.z, q.x, q.y, q.z, q.w) for v, q in ((t.translation, t.rotation) for _, t in found)
-        ])  # fmt: skip
-        tree[child] = parent, in_order(path, np.array([s for s, _ in found]), table[:, :3], table[:, 3:])
-    return tree
-
-
-def _above(tree: Tree, frame: str) -> list[str]:
-    """The frames above another, its parent first.
-
-    Raises:
-        EvaluationError: they are a circle.
-    """
-    found: list[str] = []
-    while frame in tree:
-        frame = tree[frame][0]
-        if frame in found:
-            raise EvaluationError(f"frame {frame} lies below itself on /tf; record another bag")
-        found.append(frame)
-    return found
-
-
-def _chained(path: Path, links: list[Trajectory]) -> Trajectory:
-    """Motion through all links, the outermost first."""
-    moving = [link for link in links if len(link) > 1] or links
-    stamps = max(moving, key=len).stamp_ns
-    first, last = max(link.stamp_ns[0] for link in moving), min(link.stamp_ns[-1] for link in moving)
-    stamps = stamps[(stamps >= first) & (stamps <= last)]
-    if not len(stamps):
-        raise EvaluationError(f"{path}: its transforms have no time in common")
-    whole = links[0].at(stamps)
-    for link in links[1:]:
-        step = link.at(stamps)
-        whole = replace(
-            whole,
-            has_attitudes=whole.has_attitudes or step.has_attitudes,
-            position_m=whole.position_m + transforms.quat_rotate(whole.quat_xyzw, step.position_m),
-            quat_xyzw=transforms.quat_multiply(whole.quat_xyzw, step.quat_xyzw),
-        )
-    return whole
-
-
+_LOG = logging.getLogger(__name__)
 _POSE_OF: dict[str, Callable[[Any], tuple[Any, Any]]] = {
     "nav_msgs/msg/Odometry": lambda m: (m.pose.pose.position, m.pose.pose.orientation),
     "geometry_msgs/msg/PoseStamped": lambda m: (m.pose.position, m.pose.orientation),
@@ -136,8 +27,6 @@ _POSE_OF: dict[str, Callable[[Any], tuple[Any, Any]]] = {
 _PATH = "nav_msgs/msg/Path"
 _KINDS = (tuple(_POSE_OF), (_PATH,), TF_TYPES)
 """Types that are read; earlier groups take precedence."""
-_LOG = logging.getLogger(__name__)
-
 Row = tuple[int, float, float, float, float, float, float, float]
 """Time [ns], position [m], quaternion xyzw."""
 
@@ -199,19 +88,19 @@ def _chosen(path: Path, reader: AnyReader, topic: str | None) -> str:
         sorted(t for t, kind in types.items() if kind in kinds and not t.endswith("tf_static"))
         for kinds in _KINDS
     ]
-    known = [t for group in groups for t in group]
+    topics = [t for group in groups for t in group]
     if topic is not None:
-        if (name := topic.partition(":")[0]) not in known:
-            raise EvaluationError(f"{path}: {unknown_name('topic with poses', name, known)}; {_read(types)}")
+        if (name := topic.partition(":")[0]) not in topics:
+            raise EvaluationError(f"{path}: {unknown_name('topic with poses', name, topics)}; {_read(types)}")
         return topic
     fitting = next((group for group in groups if group), [])
     if not fitting:
         raise EvaluationError(f"{path} has no topic with poses; {_read(types)}")
     if len(fitting) > 1:
-        raise EvaluationError(f"{path} has several topics with poses; choose by --topic: {', '.join(known)}")
-    if len(known) > 1:
+        raise EvaluationError(f"{path} has several topics with poses; choose by --topic: {', '.join(topics)}")
+    if len(topics) > 1:
         _LOG.warning(
-            "%s: poses of %s are read; --topic takes another of %s", path, fitting[0], ", ".join(known)
+            "%s: poses of %s are read; --topic takes another of %s", path, fitting[0], ", ".join(topics)
         )
     return fitting[0]
 

@@ -22,8 +22,9 @@ from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchma
 from recorder.benchmark.run import Progress as RunProgress
 from recorder.dataset.sequence import RAW
 from recorder.episode.episode import Episode, open_episode
-from recorder.episode.summary import town_of, traffic_level
-from recorder.evaluation.evaluate import PathErrors
+from recorder.episode.episode_town import town_of
+from recorder.episode.traffic_level import traffic_level
+from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.plan import ReplayConfig, ReplayCost, plan_replay, size_of
 from recorder.replaying.replay import Progress, ReplayResult, finished_replay, replay

@@ -19,7 +19,8 @@ from carlaloc_env.physics.actor_pool import Contact
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.traffic.signals import SignalState
-from recorder.episode.episode import EgoRow, EpisodeWriter
+from recorder.episode.ego_messages import EgoRow
+from recorder.episode.writer import EpisodeWriter
 
 FIRST_DRIVEN_TICK = 2
 """Ticks 0 and 1 are part of `DrivingWorld.reset`."""

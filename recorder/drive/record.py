@@ -28,9 +28,10 @@ from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs, KeyPanel
 from recorder.devices.registry import open_device
 from recorder.drive.session import DriveSession
-from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
-from recorder.episode.messages import VIOLATIONS
+from recorder.episode.ego_messages import VIOLATIONS
+from recorder.episode.episode import Episode
 from recorder.episode.summary import driven_distance_m
+from recorder.episode.writer import EpisodeHeader, EpisodeWriter
 from recorder.window.cockpit import WindowCockpit
 from recorder.window.start_screen import Opening
 

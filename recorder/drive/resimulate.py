@@ -31,10 +31,11 @@ from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficWorld
 from recorder.drive.listeners import FIRST_DRIVEN_TICK, ego_row
+from recorder.episode.actor_messages import pack_actors
 from recorder.episode.edit import rewrite_traffic
-from recorder.episode.episode import Episode, EpisodeWriter
-from recorder.episode.messages import pack_actors
-from recorder.episode.summary import town_of
+from recorder.episode.episode import Episode
+from recorder.episode.episode_town import town_of
+from recorder.episode.writer import EpisodeWriter
 
 _REPORT_TICKS = 200
 

@@ -21,8 +21,9 @@ from recorder.devices.base import Command, Device
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import KeyPanel
 from recorder.drive.listeners import FIRST_DRIVEN_TICK, EpisodeListener, RuleMonitor
-from recorder.episode.episode import Episode, EpisodeWriter
-from recorder.episode.messages import VIOLATIONS
+from recorder.episode.ego_messages import VIOLATIONS
+from recorder.episode.episode import Episode
+from recorder.episode.writer import EpisodeWriter
 from recorder.window.hud import DriveStatus
 
 MOST_TICKS = 10

@@ -13,9 +13,11 @@ from carlaloc_env.core.errors import ConfigError, EpisodeError, unknown_name
 from carlaloc_env.core.transforms import quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorFrame
-from recorder.episode.episode import EgoRow, Episode, EpisodeHeader, EpisodeWriter, Event
-from recorder.episode.messages import actor_frames
-from recorder.episode.summary import TrafficLevel
+from recorder.episode.actor_messages import actor_frames
+from recorder.episode.ego_messages import EgoRow, Event
+from recorder.episode.episode import Episode
+from recorder.episode.traffic_level import TrafficLevel
+from recorder.episode.writer import EpisodeHeader, EpisodeWriter
 
 STANDING_MPS = 0.02
 """Slower than this is a standstill [m/s]."""

@@ -1,16 +1,12 @@
 """An episode: a recorded drive, read back bit for bit into a Timeline.
 
 The file is MCAP with ROS 2 message definitions inside, so that any MCAP tool opens it.
-
-Makes a whole episode of a recording that was cut off.
 """
 
 from __future__ import annotations
 
-import heapq
 import json
 import struct
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,33 +17,13 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.core.files.atomic_files import atomic_write
-from carlaloc_env.core.files.file_locks import take_lock
-from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file
-from carlaloc_env.core.files.recordings import RECORDING_SUFFIX, recording_path
+from carlaloc_env.core.files.recordings import recording_path
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
-from recorder.episode.mcap_container import (
-    CUT_OFF,
-    NOT_CLOSED,
-    Container,
-    ContainerWriter,
-    is_container,
-    read_container,
-)
-from recorder.episode.messages import ACTORS, CONTROLS, EGO, EVENT, EgoRow, Event, actor_frames, unpack_actors
-from recorder.episode.writer import FLUSH_NS, HEADER_RECORD, EpisodeHeader, EpisodeWriter
-
-__all__ = [
-    "RECORDING_SUFFIX",
-    "ControlLog",
-    "Episode",
-    "EpisodeHeader",
-    "EpisodeWriter",
-    "EgoRow",
-    "Event",
-    "open_episode",
-]
+from recorder.episode.actor_messages import ACTORS, actor_frames, unpack_actors
+from recorder.episode.ego_messages import CONTROLS, EGO, EVENT, Event
+from recorder.episode.mcap_container import Container, is_container, read_container
+from recorder.episode.writer import HEADER_RECORD, EpisodeHeader
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +72,7 @@ class Episode:
         self.header = header
         """Configuration of the drive."""
         self.ego = ego
-        """Rows of the layout of `messages.EGO`, one per tick."""
+        """Rows of the layout of `ego_messages.EGO`, one per tick."""
         self.steps = steps
         """Rows of the layout of `actor_messages.ACTORS`, one per 50 ms step."""
         self.events = events
@@ -119,18 +95,19 @@ class Episode:
         Raises:
             EpisodeError: the file is missing, foreign, damaged, or cut off (with the last good time).
         """
-        path = _file_of(path)
-        found = read_episode_file(path)
-        header = next((values for name, values in found.metadata if name == HEADER_RECORD), None)
+        path = episode_file(path)
+        container = read_episode_file(path)
+        header = next((values for name, values in container.metadata if name == HEADER_RECORD), None)
         if header is None:
-            why = f" ({found.problem})" if found.problem else ""
+            why = f" ({container.problem})" if container.problem else ""
             raise EpisodeError(f"{path} is no CarlaLoc episode: it has no header{why}; give another file")
-        if found.problem and not allow_partial:
+        if container.problem and not allow_partial:
             raise EpisodeError(
-                f"{path} ends early: {found.problem}; last good time {found.last_good_ns / 1e9:.3f} s; "
+                f"{path} ends early: {container.problem}; "
+                f"last good time {container.last_good_ns / 1e9:.3f} s; "
                 f"`carlaloc info --repair {path}` saves the good part"
             )
-        return _assemble(path, EpisodeHeader.from_metadata(header), found)
+        return _assemble(path, EpisodeHeader.from_metadata(header), container)
 
     @property
     def complete(self) -> bool:
@@ -189,7 +166,7 @@ def open_episode(path: str | Path) -> Episode:
     return Episode.load(path, allow_partial=True)
 
 
-def _file_of(path: str | Path) -> Path:
+def episode_file(path: str | Path) -> Path:
     """The file of this name, or its recording where there is only that."""
     path = Path(path)
     recording = recording_path(path)
@@ -211,8 +188,8 @@ def read_episode_file(path: Path) -> Container:
     return read_container(data)
 
 
-def _assemble(path: Path, header: EpisodeHeader, found: Container) -> Episode:
-    payloads = found.payloads
+def _assemble(path: Path, header: EpisodeHeader, container: Container) -> Episode:
+    payloads = container.payloads
     try:
         ego = EGO.rows(payloads.get(EGO.topic, []))
         steps = unpack_actors(payloads.get(ACTORS.topic, []), len(header.catalog))
@@ -225,73 +202,5 @@ def _assemble(path: Path, header: EpisodeHeader, found: Container) -> Episode:
         if len(gaps):
             raise EpisodeError(f"{path} is damaged: {name} {gaps[0]} is missing; give another file")
     return Episode(
-        header, ego, steps, events, path=path, last_good_ns=found.last_good_ns, problem=found.problem
+        header, ego, steps, events, path=path, last_good_ns=container.last_good_ns, problem=container.problem
     )
-
-
-def repair_episode(path: str | Path, target: str | Path | None = None, *, overwrite: bool = False) -> Episode:
-    """Write the content of a cut-off recording as a whole file, and remove the recording then.
-
-    A recording that is damaged, not only cut off, stays, and so does a file that is no recording.
-
-    Args:
-        path: The recording, with or without its `.recording` suffix.
-        target: New file; by default the name that the recording would have got.
-        overwrite: Whether an older episode of that name is replaced.
-
-    Returns:
-        The repaired episode; its `path` is the new file.
-
-    Raises:
-        EpisodeError: nothing can be read, or a process still writes to it.
-        OutputError: the target exists.
-    """
-    source = _file_of(path)
-    if _is_written(source):
-        raise EpisodeError(
-            f"{source} is still being recorded; end that drive first (or copy the file, where there is none)"
-        )
-    problem = Episode.load(source, allow_partial=True).problem
-    stem = source.name.removesuffix(RECORDING_SUFFIX)
-    if target is None:
-        name = stem if stem != source.name else f"{source.stem}_repaired{EPISODE_SUFFIX}"
-        target = source.with_name(name)
-    target = Path(target)
-    check_output_file(target, suffixes=(EPISODE_SUFFIX,), overwrite=overwrite)
-    with atomic_write(target, EpisodeError) as part:
-        _rewrite(source, part)
-    whole = Episode.load(target)
-    if stem != source.name and problem in (None, NOT_CLOSED, CUT_OFF):
-        with suppress(OSError):
-            source.unlink()
-    return whole
-
-
-def _is_written(path: Path) -> bool:
-    """Whether a process still holds a recording."""
-    try:
-        with path.open("r+b") as file:
-            return not take_lock(file)
-    except OSError:
-        # It is missing, or cannot be changed: then reading it says more.
-        return False
-
-
-def _rewrite(source: Path, target: Path) -> None:
-    found = read_episode_file(source)
-    out = ContainerWriter(target)
-    for name, values in found.metadata:
-        out.add_metadata(name, values)
-    numbers = {record.topic: out.add_channel(record) for record in (EGO, ACTORS, EVENT)}
-    streams = [
-        zip(found.stamps_ns[topic], [number] * len(found.payloads[topic]), found.payloads[topic], strict=True)
-        for topic, number in numbers.items()
-        if topic in found.payloads
-    ]
-    cut_ns = FLUSH_NS
-    for stamp, number, payload in heapq.merge(*streams, key=lambda message: message[0]):
-        if stamp >= cut_ns:
-            out.close_chunk()
-            cut_ns = stamp + FLUSH_NS
-        out.add_message(number, stamp, payload)
-    out.finish()

@@ -35,7 +35,7 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from carlaloc_env.core.files.file_locks import take_lock
-from recorder.episode.messages import RecordType
+from recorder.episode.record_types import RecordType
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<BQHIQQ")
@@ -224,32 +224,32 @@ def is_container(data: bytes) -> bool:
 
 def read_container(data: bytes) -> Container:
     """Everything up to the end or to the first damaged record."""
-    found = Container()
+    container = Container()
     topics: dict[int, str] = {}
     at, size = len(MCAP0_MAGIC), len(data)
     while True:
         if at + _RECORD.size > size:
-            found.problem = NOT_CLOSED
-            return found
+            container.problem = NOT_CLOSED
+            return container
         opcode, length = _RECORD.unpack_from(data, at)
         at += _RECORD.size
         if at + length > size:
-            found.problem = CUT_OFF
-            return found
+            container.problem = CUT_OFF
+            return container
         try:
             if opcode == Opcode.CHUNK:
-                _read_messages(_unpacked(data[at : at + length]), topics, found)
+                _read_messages(_unpacked(data[at : at + length]), topics, container)
             elif opcode == Opcode.METADATA:
                 record = Metadata.read(ReadDataStream(BytesIO(data[at : at + length])))
-                found.metadata.append((record.name, record.metadata))
+                container.metadata.append((record.name, record.metadata))
         except (ValueError, struct.error, zstandard.ZstdError, McapError) as error:
-            found.problem = f"a record at byte {at} is damaged ({error})"
-            return found
+            container.problem = f"a record at byte {at} is damaged ({error})"
+            return container
         at += length
         if opcode == Opcode.FOOTER:
             if data[at : at + len(MCAP0_MAGIC)] != MCAP0_MAGIC:
-                found.problem = "its last bytes are missing"
-            return found
+                container.problem = "its last bytes are missing"
+            return container
 
 
 def _unpacked(record: bytes) -> bytes:
@@ -271,7 +271,7 @@ def _unpacked(record: bytes) -> bytes:
     return body
 
 
-def _read_messages(body: bytes, topics: dict[int, str], found: Container) -> None:
+def _read_messages(body: bytes, topics: dict[int, str], container: Container) -> None:
     at, size = 0, len(body)
     while at < size:
         opcode, length = _RECORD.unpack_from(body, at)
@@ -282,14 +282,14 @@ def _read_messages(body: bytes, topics: dict[int, str], found: Container) -> Non
             _, _, channel, _, stamp_ns, _ = _MESSAGE.unpack_from(body, at)
             if channel not in topics:
                 raise ValueError(f"message of unknown channel {channel}")
-            found.payloads[topics[channel]].append(body[at + _MESSAGE.size : end])
-            found.stamps_ns[topics[channel]].append(stamp_ns)
-            found.last_good_ns = max(found.last_good_ns, stamp_ns)
+            container.payloads[topics[channel]].append(body[at + _MESSAGE.size : end])
+            container.stamps_ns[topics[channel]].append(stamp_ns)
+            container.last_good_ns = max(container.last_good_ns, stamp_ns)
         elif opcode == Opcode.CHANNEL:
             channel_record = Channel.read(ReadDataStream(BytesIO(body[at + _RECORD.size : end])))
             topics[channel_record.id] = channel_record.topic
-            found.payloads.setdefault(channel_record.topic, [])
-            found.stamps_ns.setdefault(channel_record.topic, [])
+            container.payloads.setdefault(channel_record.topic, [])
+            container.stamps_ns.setdefault(channel_record.topic, [])
         at = end
 
 

@@ -1,34 +1,21 @@
-"""Figures of an episode: distance, duration, closure of the loop, actors.
-
-The town that an episode was driven in: a known one by name, or what the user names; its hash decides.
-
-How much traffic there is, as users write it.
-"""
+"""Figures of an episode: distance, duration, closure of the loop, actors."""
 
 from __future__ import annotations
 
-import hashlib
-import shlex
 from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
-from carlaloc_env.core.errors import ConfigError, EpisodeError, MapError, is_name, unknown_name
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.map.sources import TownId, find_town, identify_town, known_towns
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.timeline import ActorFrame, Timeline
+from carlaloc_env.timeline.timeline import ActorFrame
+from recorder.episode.actor_messages import actor_states
+from recorder.episode.ego_messages import VIOLATIONS
 from recorder.episode.episode import Episode
-from recorder.episode.messages import VIOLATIONS, actor_states
-
-if TYPE_CHECKING:
-    from carlaloc_env.town.town import Town
 
 LOOP_CLOSED_M = 5.0
 """Ends nearer than this close a loop [m]."""
@@ -193,141 +180,3 @@ def summarise(episode: Episode) -> EpisodeSummary:
         complete=episode.complete,
         health="complete" if episode.complete else f"{episode.problem}; {good_until}",
     )
-
-
-def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
-    """Name and file of an episode's town; nothing is built, and nothing heavy is imported.
-
-    Files come from others: an episode may name a town, but only the user may name a file.
-
-    Args:
-        episode: The drive.
-        chosen: Town or OpenDRIVE file that the user gave; None: that of the episode.
-
-    Raises:
-        MapError: there is no such file.
-        EpisodeError: the town is not known by a name, or the user gave the name of another one.
-    """
-    name = episode.header.map_name
-    if chosen is not None:
-        town, known = identify_town(chosen), known_towns()
-        if town.name != name and name in known and town.source in known.values():
-            raise EpisodeError(f"{episode.path} was driven in {name}, not in {town.name}; leave out --map")
-        return town
-    if not is_name(name):
-        raise EpisodeError(f"{episode.path} was driven on a map file; give that file with --map FILE.xodr")
-    try:
-        return identify_town(find_town(name))
-    except MapError as error:
-        raise EpisodeError(
-            f"{episode.path}: {error}; if it was driven on a file, give that with --map FILE.xodr"
-        ) from error
-
-
-def town_of(episode: Episode, chosen: str | Path | None = None) -> Town:
-    """The town of an episode, built or from the cache.
-
-    Args:
-        episode: The drive.
-        chosen: Town or OpenDRIVE file that the user gave; None: that of the episode.
-
-    Raises:
-        MapError: there is no such file, or it cannot be used.
-        EpisodeError: the town is not known by a name, or it is another one than was driven in.
-    """
-    # Here, since what loads towns takes a second to import.
-    from carlaloc_env.town.build import load_town
-
-    source = town_id_of(episode, chosen)
-    town = load_town(source.source)
-    _check(episode, source, town.town_hash)
-    return town
-
-
-def check_kept_town(episode: Episode, town: TownId) -> None:
-    """Refuse a drive whose town is another one now, if that is known without building it.
-
-    Raises:
-        EpisodeError: the cache holds the town, and it is another one than was driven in. A town that has not
-            been built here is compared by `town_of`.
-    """
-    from carlaloc_env.town.build import kept_town_hash
-
-    kept = kept_town_hash(town)
-    if kept is not None:
-        _check(episode, town, kept)
-
-
-def _check(episode: Episode, town: TownId, town_hash: str) -> None:
-    """Refuse a drive whose path may no longer lie on the roads.
-
-    Raises:
-        EpisodeError: the town is another one than was driven in.
-    """
-    header = episode.header
-    if header.town_hash and header.town_hash != town_hash:
-        where = town.name if town.source.name == "town.xodr" else str(town.source)
-        anew = ["record", "--map", where, "--device", header.device or "scripted", "--seed", str(header.seed)]
-        raise EpisodeError(
-            f"{episode.path} was driven in another version of {town.name} ({header.town_hash[:12]}, now "
-            f"{town_hash[:12]}); give its map with --map, or record it anew: carlaloc {shlex.join(anew)} "
-            "--out NEW.mcap"
-        )
-
-
-LEVELS = {"dynamic": 1.0, "static": 0.0, "empty": 0.0}
-"""Named levels, as fractions of the recorded actors; `empty` leaves out parked cars, too."""
-LEVEL_WORDS = {
-    "dynamic": "all recorded actors, and parked cars",
-    "static": "parked cars alone",
-    "empty": "no actors and no parked cars, as in the paper's static sequences",
-    "0.5": "a fraction of the recorded actors, and parked cars",
-}
-"""What each level shows."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrafficLevel:
-    """How many of the recorded actors a replay shows; the ego's motion never depends on it."""
-
-    name: str
-    """``dynamic``, ``static``, ``empty`` or ``trafficNN`` (per cent)."""
-    fraction: float
-    """Fraction of the actors that stay, 0–1."""
-    parked_cars: bool = True
-    """Whether cars are parked in the town."""
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.fraction <= 1.0:
-            raise ConfigError(f"traffic fraction {self.fraction:g}; give a number from 0 to 1")
-
-    def select(self, timeline: Timeline) -> Timeline:
-        """The same drive with this fraction of the actors.
-
-        Who stays is decided by a hash of the actor's id, so a larger fraction contains every smaller one.
-        """
-        if self.fraction >= 1.0:
-            return timeline
-        keep = [
-            index
-            for index, actor in enumerate(timeline.catalog.id)
-            if int.from_bytes(hashlib.blake2b(str(int(actor)).encode(), digest_size=4).digest(), "big")
-            < self.fraction * 2**32
-        ]
-        return timeline.select_actors(np.array(keep, dtype=np.intp))
-
-
-def traffic_level(text: str) -> TrafficLevel:
-    """Level of a name (one of `LEVELS`) or a fraction such as ``0.5``.
-
-    Raises:
-        ConfigError: neither a known name nor a number from 0 to 1.
-    """
-    if text in LEVELS:
-        return TrafficLevel(name=text, fraction=LEVELS[text], parked_cars=text != "empty")
-    try:
-        fraction = float(text)
-    except ValueError:
-        message = unknown_name("traffic level", text, [*LEVELS, "a fraction such as 0.5"])
-        raise ConfigError(message) from None
-    return TrafficLevel(name=f"traffic{round(100 * fraction):02d}", fraction=fraction)

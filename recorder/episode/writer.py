@@ -25,8 +25,9 @@ from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.atomic_files import part_path
 from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog
+from recorder.episode.actor_messages import ACTORS, pack_actors
+from recorder.episode.ego_messages import EGO, EVENT, EgoRow, pack_ego
 from recorder.episode.mcap_container import ContainerWriter
-from recorder.episode.messages import ACTORS, EGO, EVENT, EgoRow, pack_actors, pack_ego
 
 HEADER_RECORD = "carlaloc_episode"
 """Name of the MCAP metadata record that holds the header."""
@@ -113,8 +114,8 @@ class EpisodeHeader:
             values["history"] = tuple(values.get("history", ()))
             # Older headers have a hash of the map's file, which is no town's: they are refused by name.
             values.setdefault("town_hash", values.get("map_hash", ""))
-            known = {f.name for f in fields(cls)}
-            return cls(**{name: value for name, value in values.items() if name in known})
+            names = {f.name for f in fields(cls)}
+            return cls(**{name: value for name, value in values.items() if name in names})
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise EpisodeError(f"the episode's header is damaged ({error})") from error
 

@@ -1,7 +1,4 @@
-"""Pairs of poses that belong to the same instant.
-
-The time offset between two clocks, found by how the motion looks in both.
-"""
+"""Pairs poses of two trajectories that belong to the same instant."""
 
 import logging
 import math
@@ -10,18 +7,20 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.signal import correlate
 
-from carlaloc_env.core import transforms
-from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from recorder.evaluation.align import Alignment, align, position_error_m
 from recorder.evaluation.trajectory import Trajectory
 
+_LOG = logging.getLogger(__name__)
 MAX_GAP_NS = 10_000_000
 """Poses further apart in time do not belong together [ns]; evo's default."""
-_LOG = logging.getLogger(__name__)
+_USUAL_STEPS = 5.0
+"""Time between pairs is covered up to so many of their median intervals."""
+_CLOCKS_S = {
+    18: "the leap seconds between GPS time and UTC",
+    37: "the leap seconds between TAI and UTC",
+}
+"""Constant differences of clocks since 2017 [s]."""
 
 
 class Association(Enum):
@@ -86,10 +85,6 @@ def _warn_of_gaps(
         )  # fmt: skip
 
 
-_USUAL_STEPS = 5.0
-"""Time between pairs is covered up to so many of their median intervals."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoveredTime:
     """How much of the time from the first to the last pose of two trajectories has pairs."""
@@ -140,8 +135,8 @@ def _nearest(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> tuple[
     order = close[np.lexsort((gap[close], partner[close]))]
     first = np.append(True, np.diff(partner[order]) > 0)[: len(order)]
     chosen = np.sort(order[first])
-    found = (many.take(partner[chosen]), few.take(chosen))
-    return found if truth_is_longer else (found[1], found[0])
+    pair = (many.take(partner[chosen]), few.take(chosen))
+    return pair if truth_is_longer else (pair[1], pair[0])
 
 
 def _nearest_index(sorted_ns: NDArray[np.int64], wanted_ns: NDArray[np.int64]) -> NDArray[np.intp]:
@@ -189,13 +184,6 @@ def _next_step(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> str:
     return _wider(missing[1]) if missing else "check the stamps"
 
 
-_CLOCKS_S = {
-    18: "the leap seconds between GPS time and UTC",
-    37: "the leap seconds between TAI and UTC",
-}
-"""Constant differences of clocks since 2017 [s]."""
-
-
 def clock_name(offset_s: float, *, within_s: float = 0.3) -> str:
     """In brackets, the known difference of clocks that an offset is, up to a tolerance [s]; else empty."""
     hours = round(offset_s / 3600.0)
@@ -222,95 +210,3 @@ def _span(trajectory: Trajectory) -> str:
     if not len(trajectory):
         return "no poses"
     return f"{trajectory.stamp_ns[0] / 1e9:.3f}…{trajectory.stamp_ns[-1] / 1e9:.3f} s"
-
-
-_GRID_S = 0.01
-"""Step of the first search [s]."""
-_SAMPLES_MAX = 400_000
-"""Longest signal of the first search: more than an hour."""
-_BASE_S = 0.5
-"""Time over which rates are taken, where there are enough poses [s]."""
-_REACH_NS = 300_000_000
-"""Reach of the second search about the result of the first, which noise displaces [ns]."""
-_AGREEMENT_MIN = 0.5
-"""Least correlation of the two motions at the best offset."""
-
-
-def find_time_offset(truth: Trajectory, estimate: Trajectory, alignment: Alignment = Alignment.SE3) -> int:
-    """What has to be added to an estimate's stamps [ns].
-
-    First the rates of turning, which neither the world's axes nor a lever arm change, are laid over each
-    other by cross-correlation, whatever the clocks' zeros; the speeds where nothing turns. Then the
-    offset with the least position error is looked for around that.
-
-    Args:
-        truth: Where the frame was.
-        estimate: A system's poses, by another clock.
-        alignment: Fit before errors are measured.
-
-    Raises:
-        EvaluationError: the motions do not resemble each other.
-    """
-    if min(len(truth), len(estimate)) < 10:
-        raise EvaluationError(
-            f"'{estimate.name}' or the truth has less than 10 poses; give the offset itself"
-        )
-    step_s = max(_GRID_S, max(truth.duration_s, estimate.duration_s) / _SAMPLES_MAX)
-    found = max(
-        (_correlated(_rates(truth, step_s, kind), _rates(estimate, step_s, kind)) for kind in ("turn", "go")),
-        key=lambda result: result[1],
-    )
-    lag, agreement = found
-    if not agreement > _AGREEMENT_MIN:
-        raise EvaluationError(
-            f"the motions of '{estimate.name}' and '{truth.name}' do not resemble each other at any offset "
-            f"(correlation {agreement:.2f}); give the offset itself"
-        )
-    coarse_ns = int(truth.stamp_ns[0] - estimate.stamp_ns[0]) + round(lag * step_s * 1e9)
-    return _refined(truth, estimate, coarse_ns, _REACH_NS, alignment)
-
-
-def _rates(trajectory: Trajectory, step_s: float, kind: str) -> Array:
-    """Rate of turning [rad/s] or speed [m/s] on a regular grid from the first pose on."""
-    t = (trajectory.stamp_ns - trajectory.stamp_ns[0]) * 1e-9
-    # Between neighbours, noise of poses hides the motion.
-    k = max(1, min(round(_BASE_S * (len(t) - 1) / t[-1]), len(t) // 20))
-    grid = np.arange(0.0, t[-1], step_s)
-    if kind == "go":
-        moved = np.linalg.norm(trajectory.position_m[k:] - trajectory.position_m[:-k], axis=1)
-    else:
-        turn = transforms.quat_multiply(
-            transforms.quat_conjugate(trajectory.quat_xyzw[:-k]), trajectory.quat_xyzw[k:]
-        )
-        moved = 2.0 * np.arctan2(np.linalg.norm(turn[:, :3], axis=1), np.abs(turn[:, 3]))
-    rate: Array = np.interp(grid, 0.5 * (t[k:] + t[:-k]), moved / (t[k:] - t[:-k]))
-    return rate
-
-
-def _correlated(first: Array, second: Array) -> tuple[int, float]:
-    """Shift of the second signal with the highest correlation, and that correlation, 0–1."""
-    first, second = first - first.mean(), second - second.mean()
-    scale = float(np.linalg.norm(first) * np.linalg.norm(second))
-    if scale < 1e-6 * len(first):
-        return 0, 0.0
-    product = correlate(first, second, mode="full", method="fft")
-    best = int(np.argmax(product))
-    lag = best - (len(second) - 1)
-    a, b = max(lag, 0), min(len(first), lag + len(second))
-    one, other = first[a:b], second[a - lag : b - lag]
-    norm = float(np.linalg.norm(one) * np.linalg.norm(other))
-    return lag, float(one @ other) / norm if norm > 0 else 0.0
-
-
-def _refined(
-    truth: Trajectory, estimate: Trajectory, coarse_ns: int, reach_ns: int, alignment: Alignment
-) -> int:
-    gap_ns = 2 * int(np.median(np.diff(truth.stamp_ns)))
-
-    def error_m(offset_ns: float) -> float:
-        shifted = estimate.shifted(coarse_ns + round(offset_ns))
-        true, paired = associate(truth, shifted, Association.INTERPOLATED, max_gap_ns=gap_ns)
-        return position_error_m(true, align(true, paired, alignment).apply(paired))
-
-    best = minimize_scalar(error_m, bounds=(-reach_ns, reach_ns), method="bounded", options={"xatol": 1e4})
-    return coarse_ns + round(float(best.x))

@@ -1,7 +1,4 @@
-"""Errors of an aligned estimate, each by its own definition and under its own name.
-
-Confidence intervals of means and of shares.
-"""
+"""Errors of an aligned estimate, each by its own definition and under its own name."""
 
 from __future__ import annotations
 
@@ -10,12 +7,13 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.stats import norm, t
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from recorder.evaluation.trajectory import Trajectory
+
+KITTI_LENGTHS_M = (50.0, 100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
+"""KITTI's lengths [m], and 50 m for short routes."""
 
 
 class Metric(Enum):
@@ -113,10 +111,6 @@ class SegmentError:
     """Number of segments."""
 
 
-KITTI_LENGTHS_M = (50.0, 100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
-"""KITTI's lengths [m], and 50 m for short routes."""
-
-
 def segment_errors(
     truth: Trajectory, estimate: Trajectory, lengths_m: Sequence[float] = KITTI_LENGTHS_M, *, every: int = 10
 ) -> tuple[SegmentError, ...]:
@@ -124,7 +118,7 @@ def segment_errors(
     step = _norm(np.diff(truth.position_m, axis=0))
     travelled = np.concatenate([[0.0], np.cumsum(step)])
     starts = np.arange(0, len(truth), every)
-    found: list[SegmentError] = []
+    segments: list[SegmentError] = []
     for length in lengths_m:
         ends = np.searchsorted(travelled, travelled[starts] + length, side="right")
         a, b = starts[ends < len(truth)], ends[ends < len(truth)]
@@ -140,7 +134,7 @@ def segment_errors(
             transforms.quat_multiply(transforms.quat_conjugate(t.quat_xyzw[a]), t.quat_xyzw[b])
             for t in (truth, estimate)
         ]
-        found.append(
+        segments.append(
             SegmentError(
                 length_m=length,
                 translation_percent=float(np.mean(_norm(move[1] - move[0])) / length * 100.0),
@@ -148,7 +142,7 @@ def segment_errors(
                 segments=len(a),
             )
         )
-    return tuple(found)
+    return tuple(segments)
 
 
 def _norm(vectors: Array) -> Array:
@@ -168,36 +162,3 @@ def _in_first(trajectory: Trajectory, steps: Array) -> Array:
 def _turns(trajectory: Trajectory) -> Array:
     q = trajectory.quat_xyzw
     return transforms.quat_multiply(transforms.quat_conjugate(q[:-1]), q[1:])
-
-
-CONFIDENCE = 0.95
-"""Of all intervals."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
-    """A figure and its bounds at `CONFIDENCE`."""
-
-    value: float
-    low: float
-    high: float
-
-
-def mean_interval(values: ArrayLike) -> Interval:
-    """Mean of independent values with Student's bounds; NaN with fewer than two."""
-    some = np.asarray(values, dtype=np.float64)
-    mean, reach = float(np.mean(some)) if len(some) else float("nan"), float("nan")
-    if len(some) > 1:
-        quantile = t.ppf(0.5 + 0.5 * CONFIDENCE, len(some) - 1)
-        reach = float(quantile * np.std(some, ddof=1) / np.sqrt(len(some)))
-    return Interval(value=mean, low=mean - reach, high=mean + reach)
-
-
-def wilson(share: float, trials: int) -> Interval:
-    """Wilson's score interval of a share (JASA 22, 1927); the share need be no whole number of trials."""
-    z = float(norm.ppf(0.5 + 0.5 * CONFIDENCE))
-    centre = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    reach = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + (z / (2 * trials)) ** 2)
-    # Rounding must not lead beyond 0 and 1.
-    low, high = (float(np.clip(bound, 0.0, 1.0)) for bound in (centre - reach, centre + reach))
-    return Interval(value=share, low=low, high=high)

@@ -1,4 +1,4 @@
-"""Which column of a table is what: by the names in its header, else by its place."""
+"""Finds the columns of times, positions and attitudes in a table, by a header's names, else by place."""
 
 from __future__ import annotations
 
@@ -94,16 +94,16 @@ class _Name:
             axis = last
         else:
             return None
-        known_words = [word for word in stem if word in _POSITIONS | _ATTITUDES | _OTHERS]
-        long = [word for word in known_words if len(word) > 1]
-        known = long[-1] if long else next(iter(known_words), None)
-        if known in _OTHERS:
+        words = [word for word in stem if word in _POSITIONS | _ATTITUDES | _OTHERS]
+        long = [word for word in words if len(word) > 1]
+        word = long[-1] if long else next(iter(words), None)
+        if word in _OTHERS:
             return None
         if axis in _TURNS:
             return "r", tuple(stem), axis
-        if not stem or known is None:
+        if not stem or word is None:
             return ("q" if axis == "w" else "p") if not stem else "?", tuple(stem), axis
-        return "q" if known in _ATTITUDES else "p", tuple(stem), axis
+        return "q" if word in _ATTITUDES else "p", tuple(stem), axis
 
 
 def columns_by_name(texts: Sequence[str], sample: Array) -> PoseColumns | str:
@@ -119,8 +119,8 @@ def columns_by_name(texts: Sequence[str], sample: Array) -> PoseColumns | str:
     names = [_Name.of(text) for text in texts]
     groups: dict[tuple[str, tuple[str, ...]], dict[str, int]] = {}
     for place, name in enumerate(names):
-        if (found := name.axis()) is not None:
-            groups.setdefault(found[:2], {}).setdefault(found[2], place)
+        if (axis := name.axis()) is not None:
+            groups.setdefault(axis[:2], {}).setdefault(axis[2], place)
     positions = _complete(groups, "p", "xyz") or _complete(groups, "?", "xyz")
     quaternions = _complete(groups, "q", "xyzw")
     numbered = _complete(groups, "q", "0123")
@@ -130,12 +130,12 @@ def columns_by_name(texts: Sequence[str], sample: Array) -> PoseColumns | str:
     no_part = not any(kind in "qr" for kind, _ in groups)
     missing = [
         what
-        for what, found in (
+        for what, is_named in (
             ("time", stamp is not None),
             ("x y z", bool(positions)),
             ("qx qy qz qw or roll pitch yaw", bool(quaternions or numbered or turns) or no_part),
         )
-        if not found
+        if not is_named
     ]
     if missing or stamp is None:
         return " and ".join(missing)

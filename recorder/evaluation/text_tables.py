@@ -1,19 +1,5 @@
-"""Tables of text, and their conventions: order of quaternions, units of stamps, KITTI's matrices.
+"""Reads text with a row of numbers in each line: its separator, the names of its columns, and its numbers."""
 
-Text with a row of numbers in each line: its separator, the names of its columns, and its numbers.
-
-Whether quaternions stand as x y z w or as w x y z, where a file does not name its columns.
-
-The turn from one pose to the next has the same angle in both readings, since its cosine is the scalar
-product of two quaternions, which no permutation changes. The direction of motion in the body's frame differs:
-most bodies keep one, forward, through every bend.
-
-The unit of a file's stamps: by its name, else by their size and steps.
-
-Poses as matrices, as KITTI has them: the upper three rows of each, or all four, row by row in a line.
-"""
-
-import logging
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -23,11 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.text_files import read_text
-from carlaloc_env.core.transforms import matrix_to_quat
 
 _LONG_BYTES = 500_000
 """Shorter files are not worth the loading of Arrow."""
@@ -241,147 +225,3 @@ def _number(word: str) -> float:
 
 def _is_number(word: str) -> bool:
     return not np.isnan(_number(word)) or word.lower() == "nan"
-
-
-XYZW, WXYZ = "xyzw", "wxyz"
-_PLACES = {XYZW: [0, 1, 2, 3], WXYZ: [1, 2, 3, 0]}
-_STEPS = 400
-_SPREAD_MAX, _BEND_MIN, _MARGIN = 0.1, 0.02, 4.0
-
-
-def as_xyzw(quat: Array, order: str) -> Array:
-    """Quaternions of an order, shape (N, 4), as x y z w."""
-    return quat[:, _PLACES[order]]
-
-
-def order_by_motion(position_m: Array, quat: Array) -> str | None:
-    """The order in which a body keeps one direction of motion in its own frame.
-
-    Args:
-        position_m: Positions [m], shape (N, 3).
-        quat: Quaternions as they stand, shape (N, 4).
-
-    Returns:
-        None: both orders, or none, show such a direction: the path is straight, or the body moves freely.
-    """
-    finite = np.isfinite(position_m).all(axis=1) & np.isfinite(quat).all(axis=1)
-    position_m, quat = position_m[finite], quat[finite]
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(position_m, axis=0), axis=1)))
-    if not 0.0 < length[-1] < np.inf:
-        return None
-    knots = np.unique(np.searchsorted(length, np.linspace(0.0, length[-1], _STEPS + 1)))
-    step = np.diff(position_m[knots], axis=0)
-    size = np.linalg.norm(step, axis=1)
-    way = step[size > 0] / size[size > 0, None]
-    middle = ((knots[1:] + knots[:-1]) // 2)[size > 0]
-    if _spread(way) < _BEND_MIN:
-        return None
-    spread = {
-        order: _spread(transforms.quat_rotate(transforms.quat_conjugate(as_xyzw(quat[middle], order)), way))
-        for order in _PLACES
-    }
-    better, worse = sorted(spread, key=lambda order: spread[order])
-    clear = spread[better] < _SPREAD_MAX and spread[worse] > max(_MARGIN * spread[better], _BEND_MIN)
-    return better if clear else None
-
-
-def _spread(directions: Array) -> float:
-    """0 for directions that are all the same, 1 for such that point anywhere."""
-    return 1.0 - float(np.linalg.norm(directions.mean(axis=0))) if len(directions) else 0.0
-
-
-DECIMALS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
-"""Digits from a unit of time to nanoseconds."""
-_EPOCH_S = (3e8, 1e10)
-"""Clocks that count from 1970 or 1980 show a time between these [s] (until the year 2286)."""
-_STEP_S = (2e-5, 300.0)
-"""Poses are not nearer or further apart in time than this [s]."""
-
-
-def unit_of_stamps(stamps: Array, named: str | None = None) -> str:
-    """Unit of stamps as they stand: ``s``, ``ms``, ``us`` or ``ns``.
-
-    Args:
-        stamps: The first of them, shape (N,).
-        named: What the file's header calls it; it counts unless steps between poses are absurd in it.
-    """
-    stamps = stamps[np.isfinite(stamps)]
-    steps = np.diff(stamps)
-    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    sensible = [u for u in DECIMALS if step == 0.0 or _STEP_S[0] <= _in_s(step, u) <= _STEP_S[1]]
-    if named in sensible:
-        return str(named)
-    size = float(np.max(np.abs(stamps), initial=0.0))
-    for unit in sensible:
-        if _EPOCH_S[0] <= _in_s(size, unit) < _EPOCH_S[1]:
-            return unit
-    # A clock that counts from a start of its own shows its unit by its steps alone. Micro- and
-    # nanoseconds are written without fractions.
-    if np.all(stamps == np.round(stamps)):
-        return next((unit for unit in DECIMALS if _in_s(step, unit) <= 2.0), "ns")
-    return "ms" if 10.0 < step <= 2000.0 else "s"
-
-
-def _in_s(value: float, unit: str) -> float:
-    return value * 10.0 ** (DECIMALS[unit] - 9)
-
-
-_DEVIATION_MAX, _ROUNDING_MAX = 0.05, 1e-3
-_LOG = logging.getLogger(__name__)
-
-
-def matrix_place(sample: Array) -> int | None:
-    """Column in which matrices begin, by what some rows, shape (N, M), hold; None: they hold none.
-
-    Twelve or sixteen numbers, or a number or time before them.
-    """
-    count = sample.shape[1]
-    if count not in (12, 13, 16, 17):
-        return None
-    begin = count % 4
-    rows = sample[_finite(sample), begin:]
-    R = rows.reshape(-1, count // 4, 4)[:, :3, :3]
-    with np.errstate(over="ignore", invalid="ignore"):
-        square = np.cbrt(np.linalg.det(R) ** 2)[:, None, None]
-        like = np.abs(R @ R.transpose(0, 2, 1) - square * np.eye(3)).max(axis=(1, 2)) < 0.2 * square[:, 0, 0]
-    if count >= 16:
-        like &= np.abs(rows[:, 12:] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) < 1e-6
-    return begin if len(rows) and np.mean(like) > 0.5 else None
-
-
-def poses_of(path: Path, matrices: Array) -> tuple[Array, Array]:
-    """Positions [m], shape (N, 3), and quaternions xyzw, shape (N, 4), of matrices (N, 3, 4).
-
-    Rows that are not finite stay so.
-
-    Raises:
-        EvaluationError: a matrix mirrors, scales or shears.
-    """
-    finite = _finite(matrices.reshape(len(matrices), -1))
-    # Rows that are left out later need a rotation all the same.
-    R = np.where(finite[:, None, None], matrices[:, :, :3], np.eye(3))
-    with np.errstate(over="ignore", invalid="ignore"):
-        deviation = np.nan_to_num(np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)), nan=np.inf)
-    worst = int(np.argmax(deviation))
-    if deviation[worst] > _DEVIATION_MAX:
-        raise EvaluationError(
-            f"{path} holds a matrix that is no rotation (pose {worst + 1}: R R^T differs from 1 by "
-            f"{deviation[worst]:.2g}); give rotations without scale"
-        )
-    if np.any(mirrored := np.linalg.det(R) < 0):
-        raise EvaluationError(
-            f"{path} is left-handed: the matrix of pose {np.flatnonzero(mirrored)[0] + 1} mirrors "
-            "(determinant below 0); negate one axis of the world and the same one of the body"
-        )
-    if deviation[worst] > _ROUNDING_MAX:
-        _LOG.warning(
-            "%s: R R^T differs from 1 by up to %.2g; the nearest rotations are taken", path, deviation[worst]
-        )
-    U, _, Vt = np.linalg.svd(R)
-    quat = matrix_to_quat(U @ Vt)
-    return matrices[:, :, 3], np.where(finite[:, None], quat, np.nan)
-
-
-def _finite(rows: Array) -> NDArray[np.bool_]:
-    finite: NDArray[np.bool_] = np.all(np.isfinite(rows), axis=1)
-    return finite

@@ -12,20 +12,14 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError, unknown_name
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.transforms import rpy_to_quat
+from recorder.evaluation.covariance_files import stamped_lines
 from recorder.evaluation.pose_columns import PoseColumns, columns_by_name, columns_by_place, has_units
-from recorder.evaluation.text_tables import (
-    DECIMALS,
-    WXYZ,
-    XYZW,
-    TextTable,
-    as_xyzw,
-    matrix_place,
-    order_by_motion,
-    poses_of,
-    read_table,
-    unit_of_stamps,
-)
-from recorder.evaluation.trajectory import Trajectory, in_order, stamped_lines
+from recorder.evaluation.pose_matrices import matrix_place, poses_of
+from recorder.evaluation.quaternion_order import WXYZ, XYZW, as_xyzw, order_by_motion
+from recorder.evaluation.stamp_units import DECIMALS, unit_of_stamps
+from recorder.evaluation.text_tables import TextTable, read_table
+from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory_checks import in_order
 
 _TUM = PoseColumns(
     stamp=0, position=(1, 2, 3), attitude=(4, 5, 6, 7), form="time tx ty tz qx qy qz qw", order=XYZW
@@ -59,9 +53,9 @@ def read_text_trajectory(
     Raises:
         EvaluationError: the file is missing, damaged or of no such kind.
     """
-    for kind, given, known in (("quaternion", quaternion, (XYZW, WXYZ)), ("time unit", time_unit, DECIMALS)):
-        if given is not None and given not in known:
-            raise EvaluationError(unknown_name(kind, given, known))
+    for kind, given, words in (("quaternion", quaternion, (XYZW, WXYZ)), ("time unit", time_unit, DECIMALS)):
+        if given is not None and given not in words:
+            raise EvaluationError(unknown_name(kind, given, words))
     table = read_table(Path(path))
     columns = _named(table)
     if columns is None:
@@ -100,13 +94,13 @@ def read_tum(path: str | Path) -> Trajectory:
 
 def _named(table: TextTable) -> PoseColumns | None:
     """Columns by the names of a header; None: there is none, or it is a comment of other things."""
-    found = None if table.names is None else columns_by_name(table.names, table.sample)
+    columns = None if table.names is None else columns_by_name(table.names, table.sample)
     # Of a comment, a name for each part is needed to believe that it is a header of many columns.
-    if isinstance(found, PoseColumns) and (found.attitude or table.title or table.count < 8):
-        return found
+    if isinstance(columns, PoseColumns) and (columns.attitude or table.title or table.count < 8):
+        return columns
     if table.title is None:
         return None
-    lacking = f"names no {found}" if found else f"has not the {table.count} columns of its rows"
+    lacking = f"names no {columns}" if columns else f"has not the {table.count} columns of its rows"
     raise EvaluationError(
         f"{table.path}: its header '{table.title}' {lacking}; name columns time, x, y, z, qx, qy, qz, qw"
     )

@@ -18,7 +18,7 @@ from carlaloc_env.faults.faults import KINDS
 from carlaloc_env.faults.fields import quantities
 from recorder.benchmark.results import BenchmarkConfig, Score
 from recorder.benchmark.run import run_benchmark
-from recorder.evaluation.evaluate import FailRule
+from recorder.evaluation.fail_rule import FailRule
 from recorder.laboratory.sweep import FAULT, TRAFFIC, Axis, Point, Setting, SweepConfig, sequences_of_points
 
 STEP = 1e-3

@@ -17,7 +17,8 @@ from carlaloc_env.core.files.output_paths import check_output_file
 from recorder.benchmark.plan import Job
 from recorder.benchmark.run import BenchmarkConfig, Progress, run_benchmark
 from recorder.dataset.sequence import RAW, SlamSequence
-from recorder.evaluation.trajectory import Trajectory, read_covariances
+from recorder.evaluation.covariance_files import read_covariances
+from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.laboratory.pose_statistics import (
     AXES,

@@ -16,12 +16,14 @@ from carlaloc_env.scene.mesh import merge
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.town import without_movables
 from carlaloc_env.weather.schedule import weather_of
-from recorder.dataset.readings import lidar_of
+from recorder.dataset.rig_sensors import lidar_of
 from recorder.dataset.scans import Scan
 from recorder.episode.episode import Episode
-from recorder.episode.summary import town_of, traffic_level
-from recorder.evaluation.align import Similarity, roll_turn
-from recorder.evaluation.evaluate import EvaluationResult
+from recorder.episode.episode_town import town_of
+from recorder.episode.traffic_level import traffic_level
+from recorder.evaluation.align import Similarity
+from recorder.evaluation.evaluation_result import EvaluationResult
+from recorder.evaluation.straight_paths import roll_turn
 from recorder.evaluation.trajectory import Trajectory
 from recorder.laboratory.map_scores import Distances, GhostRule, MapScore, find_ghosts, measure, score_map
 from recorder.laboratory.surface_cloud import Region, SurfaceCloud, sample_surface

@@ -17,9 +17,9 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.weather.schedule import weather_of
-from recorder.dataset.readings import first_camera_of, lidar_of
+from recorder.dataset.rig_sensors import first_camera_of, lidar_of
 from recorder.episode.episode import Episode
-from recorder.episode.summary import town_of
+from recorder.episode.episode_town import town_of
 from recorder.laboratory.place_baselines import (
     PlaceScore,
     Vlad,

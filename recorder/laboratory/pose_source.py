@@ -13,7 +13,8 @@ from carlaloc_env.core.transforms import from_rotation, invert, transform
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu, PointCloud, Sample
-from recorder.dataset.readings import ImuSample, imu_of, lidar_of
+from recorder.dataset.readings import ImuSample
+from recorder.dataset.rig_sensors import imu_of, lidar_of
 from recorder.slam.live_system import DeadSystemError, LiveSystem
 from recorder.slam.system import StampedPose
 from recorder.streaming.frames import inertial_of, scan_of

@@ -21,8 +21,9 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.transforms import invert, transform
 from recorder.evaluation.associate import Association, associate
-from recorder.evaluation.metrics import CONFIDENCE, Interval, mean_interval, wilson
-from recorder.evaluation.trajectory import Trajectory, log_se3, moved_covariance
+from recorder.evaluation.confidence import CONFIDENCE, Interval, mean_interval, wilson
+from recorder.evaluation.se3 import log_se3, moved_covariance
+from recorder.evaluation.trajectory import Trajectory
 
 LEVELS = (0.5, 0.9, 0.95)
 """Probabilities of the ellipsoids whose coverage is counted."""

@@ -20,7 +20,7 @@ from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.raycast.surface import import_open3d
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import colourise
-from recorder.writers.formats.raw import ply_bytes
+from recorder.writers.formats.ply import ply_bytes
 
 _BLOCK = 1 << 20
 """Points that are drawn at a time; each block has numbers of its own."""

@@ -18,10 +18,10 @@ from carlaloc_env.faults.faults import Faults, fault_quantity
 from carlaloc_env.weather.parameters import changed_weather, weather_quantities, weather_word, with_quantity
 from carlaloc_env.weather.schedule import weather_of
 from recorder.benchmark.plan import DRIVES, BenchmarkSequence, sequence_of
-from recorder.dataset.layout import file_sha256
+from recorder.dataset.checksums import file_sha256
 from recorder.drive.resimulate import change_traffic
 from recorder.episode.episode import open_episode
-from recorder.episode.summary import LEVELS, traffic_level
+from recorder.episode.traffic_level import LEVELS, traffic_level
 from recorder.replaying.conditions import Condition
 from recorder.replaying.plan import ReplayConfig, ReplayOptions, rig_of
 from recorder.streaming.drive import DriveConfig, describe_drive

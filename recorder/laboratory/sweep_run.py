@@ -22,7 +22,7 @@ from recorder.benchmark.page import page_head
 from recorder.benchmark.results import BenchmarkConfig, Score, read_shared
 from recorder.benchmark.run import BenchmarkResult, Progress, run_benchmark
 from recorder.benchmark.tables import RULE
-from recorder.evaluation.metrics import CONFIDENCE, mean_interval, wilson
+from recorder.evaluation.confidence import CONFIDENCE, mean_interval, wilson
 from recorder.laboratory.sweep import Axis, Point, SweepConfig, points_of, sequences_of_points
 from recorder.report.trajectory_plot import COLOURS, new_figure
 

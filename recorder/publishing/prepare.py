@@ -25,10 +25,11 @@ import yaml
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import ConfigError, OutputError
 from carlaloc_env.core.files.atomic_files import atomic_write
-from recorder.dataset.layout import CHECKSUMS, SEQUENCE, file_sha256, read_checksums, sequences_below
+from recorder.dataset.checksums import file_sha256, read_checksums
+from recorder.dataset.layout import CHECKSUMS, SEQUENCE, sequences_below
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.writers.rig_calibration import filled
+from recorder.writers.text_templates import filled
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -35,7 +35,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.parameters import weather_word
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.dataset.manifest import VERSIONED
-from recorder.episode.summary import TrafficLevel, traffic_level
+from recorder.episode.traffic_level import TrafficLevel, traffic_level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

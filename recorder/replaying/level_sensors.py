@@ -21,7 +21,8 @@ from carlaloc_env.sensors.ground_truth import objects_at, truth_at
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import without_movables
 from recorder.episode.episode import Episode
-from recorder.episode.summary import TrafficLevel, town_of
+from recorder.episode.episode_town import town_of
+from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.conditions import Recipe
 from recorder.replaying.spool import Order, first_pictures_ns
 

@@ -26,9 +26,10 @@ from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats
 from recorder.dataset.manifest import drive_origin, has_drive
 from recorder.episode.episode import Episode
-from recorder.episode.summary import check_kept_town, town_id_of
+from recorder.episode.episode_town import check_kept_town, town_id_of
 from recorder.replaying.conditions import Recipe, Unit, code_digest, conditions_of, units_of
-from recorder.writers.topics import element_bytes, large_streams, pixels_hz, profile_by_name
+from recorder.writers.stream_sizes import element_bytes, large_streams, pixels_hz
+from recorder.writers.topic_profiles import profile_by_name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

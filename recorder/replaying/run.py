@@ -12,8 +12,9 @@ from shutil import rmtree
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, WriterError
-from recorder.dataset.layout import DriveFolder, SequenceFolder, checksums, read_checksums
-from recorder.episode.summary import TrafficLevel
+from recorder.dataset.checksums import checksums, read_checksums
+from recorder.dataset.layout import DriveFolder, SequenceFolder
+from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.conditions import Condition, Recipe, Unit
 from recorder.replaying.plan import ReplayPlan
 from recorder.replaying.sequence_writers import SequenceWriters, outputs_of, write_shared

@@ -15,23 +15,26 @@ from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
-from recorder.dataset.layout import FILM, FORMATS, SEG_BAG, DriveFolder, SequenceFolder, write_checksums
+from recorder.dataset.checksums import write_checksums
+from recorder.dataset.layout import FILM, FORMATS, SEG_BAG, DriveFolder, SequenceFolder
 from recorder.dataset.manifest import SequenceDescription
-from recorder.episode.summary import traffic_level
+from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import Condition, Recipe
 from recorder.replaying.spool import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, write_text
 from recorder.writers.calibration.files import calibration_texts, write_calibration
 from recorder.writers.formats.colmap import CLEAN_PLATE, ColmapEncoder, ColmapWriter
-from recorder.writers.formats.euroc import EurocEncoder, EurocWriter, write_state_csv
+from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
+from recorder.writers.formats.euroc_states import write_state_csv
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
 from recorder.writers.formats.nuscenes import NuscenesEncoder, NuscenesWriter
 from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter, shown_streams
-from recorder.writers.formats.raw import RawEncoder, RawWriter, write_truth
+from recorder.writers.formats.raw import RawEncoder, RawWriter
+from recorder.writers.formats.tum import write_truth
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
-from recorder.writers.topics import profile_by_name
+from recorder.writers.topic_profiles import profile_by_name
 
 if TYPE_CHECKING:
     from recorder.writers.formats.town_ground import TownGround
@@ -160,12 +163,8 @@ def _twins(recipe: Recipe, condition: Condition | None) -> dict[str, str]:
 
 def _dsec(path: str, calibration: RigCalibration, streams: Streams) -> list[Output]:
     # Imported where it is asked for: every worker would hold the libraries of HDF5.
-    from recorder.writers.formats.dsec import (
-        DsecDisparityEncoder,
-        DsecDisparityWriter,
-        DsecEncoder,
-        DsecWriter,
-    )
+    from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
+    from recorder.writers.formats.dsec_disparity import DsecDisparityEncoder, DsecDisparityWriter
 
     outputs = [
         Output(DsecEncoder(stream), DsecWriter, f"{path}/events/{stream.removeprefix('events_')}/events.h5")

@@ -26,7 +26,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import PointCloud, Sample, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.sensors.camera_config import CameraConfig
-from recorder.dataset.layout import file_sha256
+from recorder.dataset.checksums import file_sha256
 from recorder.writers.base import Piece
 
 _HEAD = struct.Struct("<qihHHHQ")

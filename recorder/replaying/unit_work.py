@@ -17,7 +17,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError, WriterError
 from carlaloc_env.core.freed_memory import give_back_freed_memory
 from recorder.dataset.layout import DriveFolder
-from recorder.episode.summary import TrafficLevel
+from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.conditions import Condition, Recipe, Unit
 from recorder.replaying.level_sensors import LevelSensors
 from recorder.replaying.sequence_writers import SequenceWriters, outputs_of

@@ -15,8 +15,9 @@ from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
-from recorder.evaluation.evaluate import EvaluationResult, PathErrors
+from recorder.evaluation.evaluation_result import EvaluationResult
 from recorder.evaluation.metrics import Metric
+from recorder.evaluation.path_errors import PathErrors
 
 COLOURS = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00",

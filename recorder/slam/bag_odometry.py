@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError, unknown_name
-from recorder.dataset.clouds import thinned
-from recorder.dataset.readings import faults_of_foreign
+from recorder.dataset.lidar_topics import thinned
+from recorder.dataset.reading_checks import faults_of_foreign
 from recorder.dataset.scans import Progress, Scan, ScanTimes, read_scans
 from recorder.evaluation.trajectory import Trajectory
 from recorder.slam.system import MIDDLE, FrameClock, StampedPose, trajectory_of
@@ -124,10 +124,10 @@ def run_odometry(
         _LOG.warning("%s: %s", bag, fault)
     module, function = system.runner.split(":")
     source = BagScans(bag, topic, times or ScanTimes(), progress)
-    found = list(getattr(import_module(module), function)(source, FrameClock()))
+    poses = list(getattr(import_module(module), function)(source, FrameClock()))
     offset_ns = round((system.instant if source.has_times else MIDDLE) * source.sweep_s * 1e9)
-    _warn_of_registered(source, found)
-    return trajectory_of(found, offset_ns, method)
+    _warn_of_registered(source, poses)
+    return trajectory_of(poses, offset_ns, method)
 
 
 def _warn_of_registered(source: BagScans, poses: Sequence[StampedPose]) -> None:

@@ -1,11 +1,7 @@
-"""Runs a command and leaves nothing of it behind: ``python keeper.py COMMAND…``.
+"""Runs a command and ends all that it has started: ``python keeper.py COMMAND…``.
 
-All that the command starts is ended with it, in whatever session it hides: orphans become children of this
-process, which is their subreaper. When the command ends, or this process gets SIGINT or SIGTERM, or its
-parent dies, all that still runs gets SIGINT, after `GRACE_S` SIGTERM and at last SIGKILL. Each is waited for
-here, so that the processor time of this process, as Linux reports it, is that of all of them.
-
-It ends as the command did, by the same status or signal, and imports nothing of ours: it runs by its path.
+Its exit status or signal is the command's, and its processor time, as Linux reports it, that of all of them.
+It runs by its path and imports nothing of ours.
 """
 
 from __future__ import annotations
@@ -29,22 +25,27 @@ _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 def kept(words: Sequence[str]) -> list[str]:
-    """The command that runs another one so."""
+    """Words of a command line that runs another one under this program."""
     return [sys.executable, "-I", "-S", str(Path(__file__).resolve()), *words]
 
 
 def descendants(pid: int) -> list[int]:
     """Processes below one, by Linux's ``/proc``; elsewhere none."""
-    found: list[int] = []
+    pids: list[int] = []
     with suppress(OSError):
         for task in Path(f"/proc/{pid}/task").iterdir():
             for child in (task / "children").read_text().split():
-                found += [int(child), *descendants(int(child))]
-    return found
+                pids += [int(child), *descendants(int(child))]
+    return pids
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the command, end what is left of it, and give its exit status; a signal's number is negative."""
+    """Run the command, end all that it has started, and return its exit status or minus its signal.
+
+    Orphans become children of this process, which is their subreaper, in whatever session they hide. When the
+    command ends, or this process gets SIGINT or SIGTERM, or its parent dies, all that still runs gets SIGINT,
+    after `GRACE_S` SIGTERM and at last SIGKILL.
+    """
     asked: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: asked.append(number))
@@ -71,16 +72,16 @@ def _adopt_orphans() -> None:
 
 def _reaped(child: int) -> int | None:
     """Wait for all that has ended; exit status of the command if it is among them."""
-    found = None
+    status_of_child = None
     while True:
         try:
             pid, status = os.waitpid(-1, os.WNOHANG)
         except ChildProcessError:
-            return found
+            return status_of_child
         if pid == 0:
-            return found
+            return status_of_child
         if pid == child:
-            found = os.waitstatus_to_exitcode(status)
+            status_of_child = os.waitstatus_to_exitcode(status)
 
 
 def _end_all(child: int, *, running: bool) -> None:

@@ -20,7 +20,7 @@ from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
 from carlaloc_env.core.files.text_files import last_line
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.dataset.folder_readings import NEXT
+from recorder.dataset.feed_readings import NEXT
 from recorder.dataset.readings import ImuSample
 from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import LiveSequence
@@ -77,13 +77,13 @@ class LiveSystem(AbstractContextManager["LiveSystem"]):
         Raises:
             DeadSystemError: it has ended, or has not answered in time.
         """
-        found = [] if self._is_ready else self._answers()
+        poses = [] if self._is_ready else self._answers()
         try:
             self._connection.send((scan, list(inertial)))
         except OSError:
             self._raise_ended()
         self._is_ready = False
-        return found + self._answers()
+        return poses + self._answers()
 
     def close(self) -> None:
         """End it; may be called twice."""

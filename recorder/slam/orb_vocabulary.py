@@ -68,16 +68,16 @@ def train_vocabulary(
         EvaluationError: the images have fewer features than the tree has branches.
     """
     orb = cv2.ORB_create(FEATURES, fastThreshold=7)
-    found: list[U8] = []
+    of_images: list[U8] = []
     for count, image in enumerate(images, start=1):
         _, descriptors = orb.detectAndCompute(image, None)
         if descriptors is not None:
-            found.append(descriptors)
+            of_images.append(descriptors)
         progress(count)
-    if sum(map(len, found)) < BRANCHES:
+    if sum(map(len, of_images)) < BRANCHES:
         raise EvaluationError("the images have hardly any features; give sequences with pictures by day")
-    image_of = np.repeat(np.arange(len(found)), [len(d) for d in found])
-    return _tree(np.concatenate(found), image_of, np.random.default_rng(seed))
+    image_of = np.repeat(np.arange(len(of_images)), [len(d) for d in of_images])
+    return _tree(np.concatenate(of_images), image_of, np.random.default_rng(seed))
 
 
 def _tree(descriptors: U8, image_of: NDArray[np.int64], rng: np.random.Generator) -> Vocabulary:

@@ -23,7 +23,8 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.dataset.readings import StereoPair
 from recorder.dataset.sequence import SlamSequence
-from recorder.slam.bundle_adjustment import KeyframeWindow, StereoCamera
+from recorder.slam.bundle_adjustment import StereoCamera
+from recorder.slam.keyframe_window import KeyframeWindow
 from recorder.slam.system import FrameClock, StampedPose
 
 CORNERS, CORNERS_MIN, SPACING_PX = 700, 350, 9
@@ -84,19 +85,19 @@ class StereoOdometry:
 
     def add(self, pair: StereoPair) -> bool:
         """Take the next images; whether the pose is a measured one, not the last step once more."""
-        found = self._last is None
+        is_measured = self._last is None
         if self._last is not None:
             self._tracks = self._followed(self._last, pair)
             before = self.pose
             pose = self._solved(before @ self._step)
-            found = pose is not None
+            is_measured = pose is not None
             self.pose = pose if pose is not None else before @ self._step
             self._step = np.linalg.inv(before) @ self.pose
-        if self._window is not None and not found:
+        if self._window is not None and not is_measured:
             self._window.clear()
         self._see(pair)
         self._last = pair.left
-        return found
+        return is_measured
 
     def _followed(self, last: U8, pair: StereoPair) -> _Tracks:
         if not len(self._tracks.pixel):
@@ -222,8 +223,8 @@ def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
             seen = replace(
                 pair, left=undistort[0](pair.left), right=undistort[1](pair.right), left_mover=movers
             )
-            found = odometry.add(seen)
-        if found:
+            is_measured = odometry.add(seen)
+        if is_measured:
             poses.append((pair.stamp_ns, odometry.pose.copy()))
     return poses
 
@@ -237,11 +238,11 @@ def _undistortion(camera: CameraConfig, pinhole: Pinhole) -> Callable[[U8], U8]:
 
 
 def _flow(first: U8, second: U8, pixel: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Where pixels of one image are in another, and whether the way back ends where it began."""
-    there, found, _ = cv2.calcOpticalFlowPyrLK(first, second, pixel.reshape(-1, 1, 2), None, **_WINDOW)
+    """Places of one image's pixels in another, and whether the way back ends where it began."""
+    there, tracked, _ = cv2.calcOpticalFlowPyrLK(first, second, pixel.reshape(-1, 1, 2), None, **_WINDOW)
     back, returned, _ = cv2.calcOpticalFlowPyrLK(second, first, there, None, **_WINDOW)
     there, back = there.reshape(-1, 2), back.reshape(-1, 2)
-    good = (found.ravel() > 0) & (returned.ravel() > 0) & (np.abs(back - pixel).max(axis=1) < 0.5)
+    good = (tracked.ravel() > 0) & (returned.ravel() > 0) & (np.abs(back - pixel).max(axis=1) < 0.5)
     height, width = first.shape
     good &= (there >= 0).all(axis=1) & (there[:, 0] < width) & (there[:, 1] < height)
     return there, good

@@ -1,4 +1,4 @@
-"""A SLAM system in a process of its own: with a time limit, on its own cores, and with what it cost."""
+"""Runs a SLAM system in a separate process; records time and memory."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _WATCH_S = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRecord:
-    """What a run cost and how it ended."""
+    """Time and memory of a run, and its error."""
 
     error: str | None
     """Why there is no estimate, in a line; None: there is one."""
@@ -102,8 +102,10 @@ def run_isolated(
         os.sched_setaffinity(child.pid, cores)
     memory = _PeakMemory(child.pid)
     status, usage = _wait(child, began + limit_s, stop, memory)
-    ended = _Ended(status, usage.ru_utime + usage.ru_stime, memory.peak_mb, time.monotonic() - began)
-    return _record(out, ended, limit_s, threads)
+    process_end = _ProcessEnd(
+        status, usage.ru_utime + usage.ru_stime, memory.peak_mb, time.monotonic() - began
+    )
+    return _record(out, process_end, limit_s, threads)
 
 
 def start_worker(
@@ -142,8 +144,8 @@ class _PeakMemory:
 
     def look(self) -> None:
         """Ask once more; a system without ``/proc`` gives NaN."""
-        found = sum(_high_water_mb(pid) for pid in descendants(self._pid))
-        self.peak_mb = float(np.nanmax([self.peak_mb, found])) if found else self.peak_mb
+        now_mb = sum(_high_water_mb(pid) for pid in descendants(self._pid))
+        self.peak_mb = float(np.nanmax([self.peak_mb, now_mb])) if now_mb else self.peak_mb
 
 
 def _high_water_mb(pid: int) -> float:
@@ -156,7 +158,7 @@ def _high_water_mb(pid: int) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Ended:
+class _ProcessEnd:
     """How a process ended: exit status (None: past its limit), and what it used."""
 
     status: int | None
@@ -177,16 +179,16 @@ def _wait(
                 child.returncode = os.waitstatus_to_exitcode(status)
                 return child.returncode, usage
             if time.monotonic() > until:
-                return None, _ended(child)
+                return None, _terminate(child)
             if stop is not None and stop.is_set():
                 raise KeyboardInterrupt
             time.sleep(_WATCH_S)
     except BaseException:
-        _ended(child)
+        _terminate(child)
         raise
 
 
-def _ended(child: subprocess.Popen[bytes]) -> Any:
+def _terminate(child: subprocess.Popen[bytes]) -> Any:
     """Ask a process to end all that it keeps, end it, and return what it used."""
     below = descendants(child.pid)
     child.terminate()
@@ -204,9 +206,9 @@ def _ended(child: subprocess.Popen[bytes]) -> Any:
     return usage
 
 
-def _record(out: Path, ended: _Ended, limit_s: float, cores: int) -> RunRecord:
+def _record(out: Path, process_end: _ProcessEnd, limit_s: float, cores: int) -> RunRecord:
     error: str | None = None
-    status, log = ended.status, out / LOG
+    status, log = process_end.status, out / LOG
     if status is None:
         error = f"ended after its time limit of {limit_s:.0f} s"
     elif status < 0:
@@ -222,9 +224,9 @@ def _record(out: Path, ended: _Ended, limit_s: float, cores: int) -> RunRecord:
         times = np.array([float(row.split(",")[0]) for row in rows])
     return RunRecord(
         error=error,
-        wall_s=ended.wall_s,
-        cpu_s=ended.cpu_s,
-        peak_memory_mb=ended.peak_mb,
+        wall_s=process_end.wall_s,
+        cpu_s=process_end.cpu_s,
+        peak_memory_mb=process_end.peak_mb,
         cores=cores,
         version=str(facts.get("version", "")),
         frames=int(facts.get("frames", 0)),

@@ -107,7 +107,7 @@ class System:
     instant: float = START
     """Instant of its poses within a sweep, 0 start to 1 end."""
     instant_source: str = "image's exposure"
-    """Where that is known from."""
+    """Source of that instant."""
     library: str | None = None
     """Module that brings it; None: it is our own."""
     package: str | None = None
@@ -132,8 +132,8 @@ class System:
 
     @property
     def missing(self) -> str:
-        """What it lacks and the next step; empty: nothing."""
-        if self.library is not None and not self._found:
+        """Missing library or file, and the next step; empty: nothing is missing."""
+        if self.library is not None and not self._installed_version:
             where = f" for {os.environ[self.python]}" if self.python and os.environ.get(self.python) else ""
             return f'{self.title} is not installed{where}; pip install "carlaloc-env[{self.extra}]"'
         if self.file and not Path(os.environ.get(self.file, "")).is_file():
@@ -143,10 +143,10 @@ class System:
     @property
     def version(self) -> str:
         """Version of the library."""
-        return self._found if self.package and self._found else "own"
+        return self._installed_version if self.package and self._installed_version else "own"
 
     @property
-    def _found(self) -> str:
+    def _installed_version(self) -> str:
         """Version of the library; empty: it is not there."""
         other = os.environ.get(self.python) if self.python else None
         if other:

@@ -44,7 +44,7 @@ class SystemFile:
     instant: str = "start"
     """Instant of its poses within a sweep: ``start``, ``middle`` or ``end``."""
     instant_source: str = "its settings"
-    """Where that is known from."""
+    """Source of that instant."""
     topic: str | None = None
     """Topic of its poses in ``{out_bag}``, if it writes one; None: it writes ``{out}``."""
 
@@ -97,11 +97,11 @@ def read_system_file(path: Path) -> SystemFile:
         ConfigError: the file is missing, no YAML, or lacks or has keys that it should not.
     """
     try:
-        found: Any = yaml.safe_load(read_text(path, "description of a system", ConfigError))
+        keys: Any = yaml.safe_load(read_text(path, "description of a system", ConfigError))
     except yaml.YAMLError as error:
         raise ConfigError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
     try:
-        return from_mapping(SystemFile, _with_folder(found, str(path.resolve().parent)), str(path))
+        return from_mapping(SystemFile, _with_folder(keys, str(path.resolve().parent)), str(path))
     except ConfigError as error:
         raise ConfigError(f"{error}; see docs/your-system.md") from error
 
@@ -131,7 +131,7 @@ def _lidar(
 def _evalio(name: str, title: str, what: str) -> System:
     return System(
         name=name, title=title, what=f"{what}, in evalio", needs=("lidar", "imu"),
-        runner=f"{_RUNNERS}.evalio:{name}", frame="imu", instant=START,
+        runner=f"{_RUNNERS}.evalio_pipelines:{name}", frame="imu", instant=START,
         instant_source="evalio's pipelines return the pose at the stamp of the sweep",
         library="evalio", package="evalio", extra="evalio",
     )  # fmt: skip
@@ -207,7 +207,7 @@ def system_of(word: str) -> System:
     if not Path(word).is_file():
         raise ConfigError(f"{word}: no such file; give the path of a .py file that defines SYSTEM")
     # Code of the user's own choice runs in this process, as that of any script does.
-    found = runpy.run_path(word).get("SYSTEM")
-    if not isinstance(found, System):
+    system = runpy.run_path(word).get("SYSTEM")
+    if not isinstance(system, System):
         raise ConfigError(f"{word} defines no SYSTEM; see docs/your-system.md")
-    return found
+    return system

@@ -16,9 +16,9 @@ from typing import Any, cast
 import numpy as np
 
 from carlaloc_env.core.errors import CarlaLocError
-from recorder.dataset.folder_readings import FeedReadings
+from recorder.dataset.feed_readings import FeedReadings
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.trajectory import SUFFIX, write_covariances
+from recorder.evaluation.covariance_files import SUFFIX, write_covariances
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.slam.system import FrameClock, Runner, System, trajectory_of
 from recorder.slam.systems import is_system_file, read_system_file, system_of
@@ -75,8 +75,8 @@ def runner_of(system: System, word: str) -> Runner:
     if is_system_file(word):
         return read_system_file(Path(word)).run
     module, name = system.runner.split(":")
-    found = runpy.run_path(word)[name] if word.endswith(".py") else getattr(import_module(module), name)
-    return cast(Runner, found)
+    runner = runpy.run_path(word)[name] if word.endswith(".py") else getattr(import_module(module), name)
+    return cast(Runner, runner)
 
 
 if __name__ == "__main__":

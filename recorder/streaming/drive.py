@@ -29,9 +29,9 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.parameters import weather_word
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
-from recorder.dataset.readings import imu_of
+from recorder.dataset.rig_sensors import imu_of
 from recorder.episode.episode import Episode, open_episode
-from recorder.episode.summary import traffic_level
+from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import Condition
 from recorder.replaying.plan import ReplayConfig, ReplayOptions, ReplayPlan, plan_replay
 from recorder.replaying.sequence_writers import describe, write_shared

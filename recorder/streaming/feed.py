@@ -19,15 +19,9 @@ from pathlib import Path
 from queue import Full, Queue
 
 from carlaloc_env.core.errors import CarlaLocError
-from recorder.dataset.folder_readings import NEXT, STAMPS
+from recorder.dataset.feed_readings import NEXT, STAMPS
 from recorder.episode.episode import Episode
-from recorder.streaming.frames import (
-    FrameJob,
-    FrameMaker,
-    Key,
-    frame_stamps_ns,
-    inertial_samples,
-)
+from recorder.streaming.frames import FrameJob, FrameMaker, Key, frame_stamps_ns, inertial_samples
 
 AHEAD = 8
 """Frames that are made ahead."""

@@ -18,10 +18,11 @@ from carlaloc_env.samples import Image, Imu, PointCloud, SemanticImage
 from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
-from recorder.dataset.folder_readings import mask_of
-from recorder.dataset.readings import ImuSample, StereoPair, lidar_of, stereo_of
+from recorder.dataset.mover_masks import mask_of
+from recorder.dataset.readings import ImuSample, StereoPair
+from recorder.dataset.rig_sensors import lidar_of, stereo_of
 from recorder.dataset.scans import Scan
-from recorder.episode.summary import TrafficLevel
+from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.conditions import Recipe
 from recorder.replaying.level_sensors import LevelSensors, Measured
 from recorder.replaying.spool import SampleCounts

@@ -16,12 +16,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, checksums
+from recorder.bags.reader import open_bag
+from recorder.dataset.checksums import checksums
+from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES
 from recorder.dataset.manifest import DatasetManifest
-from recorder.dataset.readings import open_bag
 from recorder.episode.episode import read_episode_file
 from recorder.episode.mcap_container import Container
-from recorder.writers.ros.message_parts import EVENT_TYPE, unpacked_events
+from recorder.writers.ros.event_messages import EVENT_TYPE, unpacked_events
 
 STEP = 1
 """Largest difference of a value of a picture [steps of 8 bits]."""

@@ -12,13 +12,15 @@ from rosbags.interfaces import Connection
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import DepthImage, Image, Imu, PointCloud, Sample
+from recorder.bags.reader import open_bag
+from recorder.dataset.bag_messages import imu_sample, topic_of
 from recorder.dataset.clouds import cloud_of_draco, cloud_of_fields
 from recorder.dataset.layout import DriveFolder
-from recorder.dataset.readings import imu_faults, imu_sample, open_bag, topic_of
+from recorder.dataset.reading_checks import imu_faults
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.writers.calibration.files import EXTRINSICS
-from recorder.writers.ros.sensor_messages import depth_of_png
+from recorder.writers.ros.compact_messages import depth_of_png
 from recorder.writers.topics import TopicProfile
 
 FRAMES = 5

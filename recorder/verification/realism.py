@@ -21,10 +21,12 @@ from rosbags.interfaces import Connection
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError, EvaluationError, unknown_name
-from recorder.bags import open_bag, refused_in_one_line
-from recorder.dataset.clouds import CLOUD, of_one_frame, read_cloud
-from recorder.dataset.readings import imu_sample, stamp_ns
-from recorder.dataset.scans import Scan, cloud_connections, scans_of, time_rule
+from recorder.bags.reader import open_bag, refused_in_one_line
+from recorder.dataset.bag_messages import imu_sample, stamp_ns
+from recorder.dataset.clouds import CLOUD, read_cloud
+from recorder.dataset.lidar_topics import cloud_connections, of_one_frame
+from recorder.dataset.point_times import time_rule
+from recorder.dataset.scans import Scan, scans_of
 from recorder.verification.imu_figures import ImuLog, imu_figures
 from recorder.verification.lidar_figures import lidar_figures
 from recorder.verification.picture_figures import REAL_PICTURES, picture_figures

@@ -13,9 +13,11 @@ import numpy as np
 
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.samples import Image, ObjectList, Odometry
-from recorder.dataset.layout import SequenceFolder, checksums, read_checksums
+from recorder.dataset.bag_messages import Stamps, stamps_in
+from recorder.dataset.checksums import checksums, read_checksums
+from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
-from recorder.dataset.readings import Stamps, check_gaps, stamps_in
+from recorder.dataset.reading_checks import check_gaps
 from recorder.replaying.working_folder import FOLDER
 from recorder.verification.against import compare
 from recorder.verification.calibration_fit import check_fit

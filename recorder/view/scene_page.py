@@ -31,7 +31,7 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from recorder.dataset.sequence import SlamSequence
 from recorder.episode.episode import Episode
-from recorder.evaluation.evaluate import PathErrors
+from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.report.town_preview import lane_lines, lane_lines_of
 from recorder.view.sequence_view import COLOURS, TRUTH, every, in_world, jpeg_of

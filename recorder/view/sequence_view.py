@@ -13,7 +13,7 @@ from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.evaluate import PathErrors
+from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.report.town_preview import lane_lines_of

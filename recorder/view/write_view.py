@@ -10,9 +10,10 @@ from recorder.dataset.layout import SEQUENCE, is_sequence, sequence_at
 from recorder.dataset.sequence import SlamSequence
 from recorder.dataset.trajectories import read_trajectory
 from recorder.episode.episode import open_episode
-from recorder.episode.summary import town_of
+from recorder.episode.episode_town import town_of
 from recorder.evaluation.associate import Association
-from recorder.evaluation.evaluate import PathErrors, evaluate
+from recorder.evaluation.evaluate import evaluate
+from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.view.recording import record_episode, record_town
 from recorder.view.scene_page import page_of_episode, page_of_sequence, page_of_town

@@ -21,8 +21,9 @@ from shared_fixtures.readings import dressed_clouds as clouds
 from shared_fixtures.readings.dressed_clouds import TOPIC, Dressing, dressed
 
 from carlaloc_env.core.errors import EvaluationError
-from recorder.bags import _distribution, open_bag
-from recorder.dataset.readings import topics_in
+from recorder.bags.definitions import _distribution
+from recorder.bags.reader import open_bag
+from recorder.dataset.bag_messages import topics_in
 from recorder.dataset.scans import read_scans
 from recorder.writers.base import DEFAULT_EPOCH_NS
 

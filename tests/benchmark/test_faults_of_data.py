@@ -9,7 +9,7 @@ from shared_fixtures.readings.slam_dataset import inertial, write_dataset
 from recorder.benchmark.page import write_page
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 from recorder.benchmark.tables import all_tables, frame_of
-from recorder.dataset.readings import faults_of_foreign, gravity_fault
+from recorder.dataset.reading_checks import faults_of_foreign, gravity_fault
 
 # A system that knows the truth, in the axes of a camera.
 CAMERA_AXES = """

@@ -10,7 +10,7 @@ from recorder.cli.main import main
 from recorder.dataset.layout import FORMATS
 from recorder.devices.base import DEVICES
 from recorder.evaluation.align import Alignment
-from recorder.writers.topics import PROFILES
+from recorder.writers.topic_profiles import PROFILES
 
 ROOT = Path(__file__).parents[2]
 NAMES = {

@@ -14,7 +14,7 @@ from recorder.cli.commands.list import KINDS
 from recorder.cli.main import COMMANDS, main
 from recorder.dataset.layout import FORMATS
 from recorder.devices.base import DEVICES
-from recorder.writers.topics import profile_by_name
+from recorder.writers.topic_profiles import profile_by_name
 
 NAMED_BY = {"weathers": weather_by_name, "rigs": rig_by_name, "topics": profile_by_name}
 

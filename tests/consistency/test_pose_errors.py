@@ -22,16 +22,9 @@ from carlaloc_env.core.transforms import (
     transform,
 )
 from recorder.cli.main import main
-from recorder.evaluation.trajectory import (
-    Trajectory,
-    adjoint,
-    composed_covariance,
-    cross_matrix,
-    log_se3,
-    moved_covariance,
-    read_covariances,
-    write_covariances,
-)
+from recorder.evaluation.covariance_files import read_covariances, write_covariances
+from recorder.evaluation.se3 import adjoint, composed_covariance, cross_matrix, log_se3, moved_covariance
+from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum, write_tum
 from recorder.laboratory.pose_statistics import Run, consistency_of, pose_errors
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binomtest
 
 from carlaloc_env.core.array_types import Array
-from recorder.evaluation.metrics import wilson
+from recorder.evaluation.confidence import wilson
 from recorder.laboratory.pose_statistics import anees_bounds, consistency_of
 
 F, Q = np.array([[1.0, 0.1], [0.0, 1.0]]), np.diag([1e-4, 1e-2])

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.scene.semantic_tags import Tag
-from recorder.dataset.folder_readings import MARGIN_PX, mover_masks, painted_over, pairs_without_movers
+from recorder.dataset.mover_masks import MARGIN_PX, mover_masks, painted_over, pairs_without_movers
 from recorder.dataset.readings import StereoPair
 from recorder.slam.stereo_vo import StereoOdometry
 

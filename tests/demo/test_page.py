@@ -9,7 +9,7 @@ from shared_fixtures.processes.browser import WIDTHS_PX, Browser
 
 from recorder.benchmark.results import Score
 from recorder.demo.story import EXTRAS, LOOK, TRAFFIC, Scores, write_index
-from recorder.evaluation.evaluate import PathErrors
+from recorder.evaluation.path_errors import PathErrors
 
 
 def write_film(path: Path) -> Path:

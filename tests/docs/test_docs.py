@@ -30,8 +30,9 @@ from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.weather.parameters import WeatherParameters
 from recorder.drive.record import RecordConfig
-from recorder.episode.messages import ACTORS, EGO, EVENT
-from recorder.episode.summary import TrafficLevel
+from recorder.episode.actor_messages import ACTORS
+from recorder.episode.ego_messages import EGO, EVENT
+from recorder.episode.traffic_level import TrafficLevel
 from recorder.evaluation.align import Alignment
 from recorder.replaying.replay import ReplayConfig
 from recorder.writers.base import DEFAULT_EPOCH_NS

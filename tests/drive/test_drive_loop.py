@@ -22,8 +22,9 @@ from recorder.devices.inputs import BACK, FORWARD, Press
 from recorder.drive.listeners import EpisodeListener
 from recorder.drive.record import RecordConfig, _arrived, record
 from recorder.drive.session import DriveSession, Pacer
-from recorder.episode.episode import Episode, EpisodeWriter
+from recorder.episode.episode import Episode
 from recorder.episode.summary import summarise
+from recorder.episode.writer import EpisodeWriter
 from recorder.window.hud import DriveStatus
 
 Plan = Callable[[DrivingWorld, int], tuple[set[int], str]]

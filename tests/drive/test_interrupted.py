@@ -12,7 +12,8 @@ import pytest
 
 from recorder.cli.main import main
 from recorder.episode.edit import cut_episode
-from recorder.episode.episode import Episode, EpisodeWriter
+from recorder.episode.episode import Episode
+from recorder.episode.writer import EpisodeWriter
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals as on POSIX")
 

@@ -15,7 +15,8 @@ from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import EpisodeError
 from recorder.drive.record import RecordConfig, record
-from recorder.episode.episode import open_episode, repair_episode
+from recorder.episode.episode import open_episode
+from recorder.episode.repair import repair_episode
 
 
 @pytest.fixture

@@ -9,7 +9,9 @@ import pytest
 from carlaloc_env.core.errors import ConfigError, EpisodeError
 from recorder.drive.record import RecordConfig, record
 from recorder.drive.resimulate import resimulate
-from recorder.episode.episode import EgoRow, Episode, EpisodeWriter
+from recorder.episode.ego_messages import EgoRow
+from recorder.episode.episode import Episode
+from recorder.episode.writer import EpisodeWriter
 
 
 @pytest.fixture(scope="module")

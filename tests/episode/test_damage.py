@@ -6,8 +6,9 @@ from pathlib import Path
 from shared_fixtures.drives.episodes import header_of, write_drive
 
 from carlaloc_env.core.errors import EpisodeError
-from recorder.episode.episode import Episode, EpisodeWriter, open_episode, repair_episode
-from recorder.episode.writer import recording_path
+from recorder.episode.episode import Episode, open_episode
+from recorder.episode.repair import repair_episode
+from recorder.episode.writer import EpisodeWriter, recording_path
 
 
 def test_a_recording_stays_where_it_is_not_the_whole_or_no_recording(tmp_path: Path) -> None:

@@ -12,10 +12,12 @@ from carlaloc_env.scene.semantic_tags import Tag
 from recorder.cli.main import main
 from recorder.drive.record import RecordConfig, record
 from recorder.drive.resimulate import change_traffic
+from recorder.episode.actor_messages import actor_states
 from recorder.episode.edit import cut_episode, drop_actors, join_episodes, thin_actors
-from recorder.episode.episode import EgoRow, Episode, EpisodeWriter
-from recorder.episode.messages import actor_states
-from recorder.episode.summary import traffic_level
+from recorder.episode.ego_messages import EgoRow
+from recorder.episode.episode import Episode
+from recorder.episode.traffic_level import traffic_level
+from recorder.episode.writer import EpisodeWriter
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,11 @@ from shared_fixtures.drives.episodes import SIGNALS, catalog_of, frame_of, heade
 from carlaloc_env.core.ego import EGO_FRONT_M
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
-from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
+from recorder.episode.episode import Episode
 from recorder.episode.mcap_container import ContainerWriter
-from recorder.episode.messages import RecordType
+from recorder.episode.record_types import RecordType
 from recorder.episode.summary import summarise
+from recorder.episode.writer import EpisodeHeader, EpisodeWriter
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from recorder.episode import mcap_container, writer
-from recorder.episode.episode import EgoRow, EpisodeHeader, EpisodeWriter, open_episode
+from recorder.episode.ego_messages import EgoRow
+from recorder.episode.episode import open_episode
+from recorder.episode.writer import EpisodeHeader, EpisodeWriter
 
 TICKS = 200
 WATCHED = {mcap_container.__file__, writer.__file__}

@@ -8,9 +8,9 @@ from shared_fixtures.drives.episodes import write_drive
 from carlaloc_env.core.errors import EpisodeError, MapError
 from carlaloc_env.town.build import load_town
 from recorder.drive.resimulate import resimulate
-from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
-from recorder.episode.summary import check_kept_town, town_id_of, town_of
-from recorder.episode.writer import _checksum
+from recorder.episode.episode import Episode
+from recorder.episode.episode_town import check_kept_town, town_id_of, town_of
+from recorder.episode.writer import EpisodeHeader, EpisodeWriter, _checksum
 
 SOURCE = """<?xml version="1.0"?>
 <OpenDRIVE><header/>

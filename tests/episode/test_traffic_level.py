@@ -4,7 +4,7 @@ import pytest
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.traffic import population
-from recorder.episode.summary import LEVEL_WORDS, LEVELS, traffic_level
+from recorder.episode.traffic_level import LEVEL_WORDS, LEVELS, traffic_level
 
 
 def test_levels_of_drives_and_replays_are_the_same() -> None:

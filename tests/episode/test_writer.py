@@ -7,7 +7,8 @@ import pytest
 from shared_fixtures.drives.episodes import frame_of, header_of, row_of, write_drive
 
 from carlaloc_env.core.errors import EpisodeError, OutputError
-from recorder.episode.episode import Episode, EpisodeWriter, open_episode
+from recorder.episode.episode import Episode, open_episode
+from recorder.episode.writer import EpisodeWriter
 
 
 def test_existing_names_are_kept(tmp_path: Path) -> None:

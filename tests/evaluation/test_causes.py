@@ -13,7 +13,8 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
 from recorder.cli.main import main
 from recorder.evaluation.align import Alignment
-from recorder.evaluation.evaluate import FailRule, evaluate
+from recorder.evaluation.evaluate import evaluate
+from recorder.evaluation.fail_rule import FailRule
 from recorder.evaluation.metrics import OF_POSITIONS, Metric
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_text_trajectory, write_tum

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from recorder.evaluation.align import Alignment
-from recorder.evaluation.evaluate import FailRule, evaluate, standing_error_m
+from recorder.evaluation.evaluate import evaluate
+from recorder.evaluation.fail_rule import FailRule, standing_error_m
 from recorder.evaluation.trajectory import Trajectory
 
 

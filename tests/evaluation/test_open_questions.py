@@ -11,7 +11,8 @@ from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.associate import Association, interpolation
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
-from recorder.evaluation.text_tables import as_xyzw, order_by_motion, unit_of_stamps
+from recorder.evaluation.quaternion_order import as_xyzw, order_by_motion
+from recorder.evaluation.stamp_units import unit_of_stamps
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_text_trajectory
 

@@ -5,7 +5,8 @@ import pytest
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
-from recorder.evaluation.associate import associate, find_time_offset
+from recorder.evaluation.associate import associate
+from recorder.evaluation.time_offset import find_time_offset
 from recorder.evaluation.trajectory import Trajectory
 
 EPOCH_NS = 1_672_531_200_000_000_000

@@ -12,7 +12,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from carlaloc_env.core.errors import ConfigError, WriterError
 from recorder import factory
 from recorder.cli.main import main
-from recorder.dataset.layout import checksums, read_checksums
+from recorder.dataset.checksums import checksums, read_checksums
 from recorder.dataset.manifest import DatasetManifest
 from recorder.factory import DatasetConfig, copy_manifest, make_dataset, plan_dataset
 from recorder.replaying import plan as plans

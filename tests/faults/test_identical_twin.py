@@ -11,7 +11,7 @@ from shared_fixtures.drives.straight_drives import RIG, StraightDrive
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.bags import open_bag
+from recorder.bags.reader import open_bag
 from recorder.benchmark.results import BenchmarkConfig
 from recorder.benchmark.run import run_benchmark
 from recorder.cli.main import main

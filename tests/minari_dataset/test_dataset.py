@@ -20,7 +20,7 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.population import traffic_of_town
 from recorder.cli.main import main
 from recorder.drive.listeners import EpisodeListener
-from recorder.episode.episode import EpisodeHeader, EpisodeWriter
+from recorder.episode.writer import EpisodeHeader, EpisodeWriter
 from recorder.minari import MinariConfig, write_minari
 
 TRAFFIC = "dynamic,vehicles=3,walkers=0"

@@ -12,7 +12,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, OutputError
 from recorder.cli.main import main
-from recorder.dataset.layout import checksums
+from recorder.dataset.checksums import checksums
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.publishing import prepare
 from recorder.publishing import prepare as tables

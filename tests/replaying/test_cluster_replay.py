@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from shared_fixtures.drives.straight_drives import RIG, StraightDrive
 
-from recorder.dataset.layout import checksums
+from recorder.dataset.checksums import checksums
 from recorder.replaying.replay import replay
 from recorder.replaying.working_folder import FOLDER, UNITS
 

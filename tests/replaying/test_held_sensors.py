@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from recorder.episode.summary import TrafficLevel, traffic_level
+from recorder.episode.traffic_level import TrafficLevel, traffic_level
 from recorder.replaying import unit_work
 
 

@@ -10,7 +10,7 @@ import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import WriterError
-from recorder.dataset.layout import checksums
+from recorder.dataset.checksums import checksums
 from recorder.replaying import working_folder
 from recorder.replaying.replay import replay
 from recorder.replaying.working_folder import FOLDER, UNITS

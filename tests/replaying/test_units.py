@@ -7,8 +7,9 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.clock import STEP_NS
-from recorder.dataset.layout import FORMATS, checksums
-from recorder.episode.summary import traffic_level
+from recorder.dataset.checksums import checksums
+from recorder.dataset.layout import FORMATS
+from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import units_of
 from recorder.replaying.replay import replay
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from recorder.evaluation.evaluate import PathErrors
+from recorder.evaluation.path_errors import PathErrors
 from recorder.report.trajectory_plot import plot_conditions
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
 from recorder.evaluation.align import Alignment
-from recorder.evaluation.evaluate import EvaluationResult, evaluate
+from recorder.evaluation.evaluate import evaluate
+from recorder.evaluation.evaluation_result import EvaluationResult
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory import Trajectory
 from recorder.report.trajectory_plot import plot_trajectories

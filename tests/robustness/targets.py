@@ -29,9 +29,10 @@ from recorder.cli.main import main
 from recorder.dataset.clouds import cloud_of_fields
 from recorder.dataset.scans import read_scans, scans_of
 from recorder.dataset.trajectories import read_trajectory
+from recorder.episode.actor_messages import ACTORS
+from recorder.episode.ego_messages import EGO, EVENT
 from recorder.episode.episode import Episode
 from recorder.episode.mcap_container import ContainerWriter, read_container
-from recorder.episode.messages import ACTORS, EGO, EVENT
 from recorder.episode.writer import _checksum
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.trajectory_files import read_tum

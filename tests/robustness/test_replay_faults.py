@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from shared_fixtures.processes.small_disks import small_disk
 
-from recorder.dataset.layout import checksums, read_checksums
+from recorder.dataset.checksums import checksums, read_checksums
 from recorder.drive.record import RecordConfig, record
 
 KILLS, DISKS = 50, 20

@@ -11,7 +11,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.sensors.imu import ImuConfig
 from recorder.dataset.readings import ImuSample
 from recorder.dataset.sequence import SlamSequence
-from recorder.slam.runners.evalio import lidar_measurement, loam
+from recorder.slam.runners.evalio_pipelines import lidar_measurement, loam
 from recorder.slam.system import FrameClock
 
 types = pytest.importorskip("evalio.types", reason="the points are evalio's")

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from recorder.slam.ros1.feeding import QUIET_S, LockStep, SilentError
+from recorder.slam.ros1.lock_step import QUIET_S, LockStep, SilentError
 
 PATIENCE_S = 2.0
 

@@ -20,7 +20,7 @@ from recorder.slam.system import FrameClock
 from recorder.slam.systems import SYSTEMS
 from recorder.writers.calibration.files import calibration_texts
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.topics import STANDARD
+from recorder.writers.topic_profiles import STANDARD
 
 FOCAL_PX, BASELINE_M, DEPTH_M = 320.0, 0.5, 6.4
 WIDTH, HEIGHT, IMAGES = 640, 360, 40

@@ -15,7 +15,7 @@ from recorder.slam.system import END
 from recorder.slam.systems import read_system_file, system_of
 from recorder.writers.calibration.files import calibration_texts
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.topics import profile_by_name
+from recorder.writers.topic_profiles import profile_by_name
 
 COPY = (
     "import shutil, sys, pathlib; "

@@ -11,7 +11,7 @@ import pytest
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.weather.parameters import changed_weather, weather_word
 from recorder.benchmark.results import Score
-from recorder.evaluation.metrics import mean_interval
+from recorder.evaluation.confidence import mean_interval
 from recorder.laboratory.sweep import Axis, Point, Setting
 from recorder.laboratory.sweep_run import areas_of, curves_of, row_of
 

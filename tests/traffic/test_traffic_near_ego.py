@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from recorder.drive.record import RecordConfig, record
+from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import Episode
-from recorder.episode.messages import actor_states
 from recorder.episode.summary import summarise
 from recorder.factory import STANDARD_SEEDS
 

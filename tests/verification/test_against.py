@@ -17,12 +17,12 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import EVENT
 from recorder.cli.main import main
-from recorder.dataset.layout import write_checksums
+from recorder.dataset.checksums import write_checksums
 from recorder.replaying.replay import replay
 from recorder.verification.against import compare, of_events, of_pictures
 from recorder.verification.verify import verify
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.ros.message_parts import unpacked_events
+from recorder.writers.ros.event_messages import unpacked_events
 from recorder.writers.ros.rosbag1 import Ros1Encoder
 from recorder.writers.ros.rosbag2 import Ros2Encoder
 

@@ -9,10 +9,10 @@ import pytest
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.map.sources import find_town
 from recorder.cli.main import main
+from recorder.episode.actor_messages import actor_frames
 from recorder.episode.edit import _write
 from recorder.episode.episode import Episode
-from recorder.episode.messages import actor_frames
-from recorder.episode.summary import town_id_of
+from recorder.episode.episode_town import town_id_of
 from recorder.replaying.plan import ReplayConfig, plan_replay
 
 EVIL_RIG = """\

@@ -13,7 +13,7 @@ from shared_fixtures.drives.drives import small_cameras
 
 from carlaloc_env.core.errors import RenderError, WriterError
 from carlaloc_env.rigs.presets import flu_rig
-from recorder.dataset.layout import checksums, read_checksums
+from recorder.dataset.checksums import checksums, read_checksums
 from recorder.dataset.manifest import DatasetManifest
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric

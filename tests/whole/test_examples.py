@@ -25,7 +25,7 @@ from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.replay import replay
 from recorder.writers.ros.messages import ENCODERS
-from recorder.writers.topics import PROFILES
+from recorder.writers.topic_profiles import PROFILES
 
 VSLAM_RIG = """
 name: two_eyes

@@ -9,7 +9,8 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import RenderError
 from recorder.cli.main import main
-from recorder.dataset.layout import FORMATS, SequenceFolder, write_checksums
+from recorder.dataset.checksums import write_checksums
+from recorder.dataset.layout import FORMATS, SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
 from recorder.drive.record import RecordConfig, record
 from recorder.replaying.replay import replay

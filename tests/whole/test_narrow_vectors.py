@@ -8,7 +8,7 @@ import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
 from shared_fixtures.processes.narrow_vectors import narrow_environment
 
-from recorder.dataset.layout import checksums
+from recorder.dataset.checksums import checksums
 
 RIG = """\
 name: rays

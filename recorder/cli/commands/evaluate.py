@@ -28,7 +28,7 @@ from recorder.cli.arguments import (
 )
 
 if TYPE_CHECKING:
-    from recorder.evaluation.evaluate import EvaluationResult
+    from recorder.evaluation.evaluation_result import EvaluationResult
 
 PLOT = "trajectories.png"
 """Name of the picture."""
@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         )  # fmt: skip
         if arguments.time_offset == "search":
             # Here, since what it needs of SciPy takes half of a scoring's time to import.
-            from recorder.evaluation.associate import find_time_offset
+            from recorder.evaluation.time_offset import find_time_offset
 
             offset_ns = find_time_offset(truth, estimate, alignment)
         else:

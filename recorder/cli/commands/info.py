@@ -41,7 +41,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
         sequence = sequence_at(arguments.episode)
         return {"path": str(sequence.path), **asdict(SequenceDescription.read(sequence))}
-    from recorder.episode.episode import open_episode, repair_episode
+    from recorder.episode.episode import open_episode
+    from recorder.episode.repair import repair_episode
     from recorder.episode.summary import summarise
 
     if arguments.repair:

@@ -36,7 +36,7 @@ class GoneError(Exception):
 
 
 class Printed:
-    """What a command prints: handed on to our own output, and its last lines kept."""
+    """Output of a command: handed on to our own, its last lines kept."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
         self._lines: deque[str] = deque(maxlen=20)
@@ -145,12 +145,12 @@ class Node:
 
 
 def _below(pid: int) -> list[int]:
-    found: list[int] = []
+    pids: list[int] = []
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
         try:
             children = [int(word) for word in task.read_text().split()]
         except OSError:
             continue
         for child in children:
-            found += [child, *_below(child)]
-    return found
+            pids += [child, *_below(child)]
+    return pids

@@ -1,15 +1,6 @@
 """Feeds a bag to a ROS 1 node in lock-step and keeps the poses that it publishes.
 
-play.py BAG OUT_BAG POSES PACE [--remap FROM=TO …] [--without LABEL …] [--patience S] [--silence S]
-        -- COMMAND…
-
-Starts a master of its own, so that several runs share the machine, and the command (roslaunch, or a node),
-publishes the topics of the bag that it reads, and after each message on PACE waits for poses by the rule of
-`feeding.py`. It ends when the node does, with the last line that the node printed. What it has started
-it leaves to `keeper.py`, under which it runs.
-
-Runs under the system's Python, which has Debian's ROS 1, and imports nothing of ours but what lies beside it.
-Classes of messages are made from the definitions that bags and publishers bring.
+Runs under the system's Python, which has Debian's ROS 1, and imports nothing of ours but the files beside it.
 """
 
 from __future__ import annotations
@@ -33,12 +24,14 @@ except ImportError as missing:
     sys.exit(f"{sys.executable} has no {missing.name}; apt-get install ros-core python3-rosbag")
 
 if TYPE_CHECKING:
-    from recorder.slam.ros1.feeding import LockStep, SilentError, UnlabelledError, without_labels
+    from recorder.slam.ros1.lock_step import LockStep, SilentError
     from recorder.slam.ros1.node import GoneError, Node
+    from recorder.slam.ros1.point_labels import UnlabelledError, without_labels
 else:
     # Beside this file: the system's Python does not know our packages.
-    from feeding import LockStep, SilentError, UnlabelledError, without_labels
+    from lock_step import LockStep, SilentError
     from node import GoneError, Node
+    from point_labels import UnlabelledError, without_labels
 
 _START_LIMIT_S = 60.0
 """How long a node may take to subscribe [s]."""
@@ -79,17 +72,17 @@ def play(bag: Any, node: Node, arguments: argparse.Namespace) -> None:
 def _read_topics(names: dict[str, str], pace: str, node: Node) -> list[str]:
     """Topics of the bag, by their names there, that someone subscribes to, when they change no more."""
     master = rosgraph.Master(rospy.get_name())
-    found: list[str] = []
+    read: list[str] = []
     began_s = changed_s = time.monotonic()
-    while pace not in found or time.monotonic() - changed_s < _SETTLED_S:
+    while pace not in read or time.monotonic() - changed_s < _SETTLED_S:
         subscribed = {topic for topic, _ in master.getSystemState()[1]}
         now = [topic for topic, name in names.items() if name in subscribed and topic != "/clock"]
-        if now != found:
-            found, changed_s = now, time.monotonic()
-        if pace not in found and time.monotonic() - began_s > _START_LIMIT_S:
+        if now != read:
+            read, changed_s = now, time.monotonic()
+        if pace not in read and time.monotonic() - began_s > _START_LIMIT_S:
             raise GoneError(f"no node subscribes to {names[pace]}; name its topic by 'remap'")
         node.look(0.1)
-    return found
+    return read
 
 
 def _publisher(bag: Any, topic: str, name: str) -> Any:
@@ -101,9 +94,13 @@ def _publisher(bag: Any, topic: str, name: str) -> Any:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Start master and node, play, and write the poses; what went wrong is the last line on stderr."""
+    """Start a master of its own, so that runs share the machine, and the node; play; write the poses.
+
+    It ends when the node does. An error is the last line on stderr. `keeper.py`, under which it runs, ends
+    the processes that it has started.
+    """
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        description="Feed a bag to a ROS 1 node in lock-step, and keep the poses that it publishes."
     )
     parser.add_argument("bag")
     parser.add_argument("out_bag")

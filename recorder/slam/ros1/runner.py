@@ -35,7 +35,7 @@ class Ros1Node:
     every: int = 1
     """It gives a pose for one of so many messages, so that no more are expected of it."""
     patience_s: float = 2.0
-    """Rest after which no answer is expected any more [s], see `recorder.slam.ros1.feeding`."""
+    """Rest after which no answer is expected any more [s], see `recorder.slam.ros1.lock_step`."""
     silence_s: float = 60.0
     """Time without a pose after which it is ended [s]."""
 
@@ -79,10 +79,10 @@ class Ros1Node:
 
 def _play(words: list[str]) -> None:
     environment = {**os.environ, "PATH": program_path()}
-    found = subprocess.run(
+    player = subprocess.run(
         kept(words), stderr=subprocess.PIPE, text=True, errors="replace", check=False, env=environment
     )
-    sys.stderr.write(found.stderr)
-    if found.returncode:
-        lines = [line for line in found.stderr.splitlines() if line.strip()]
+    sys.stderr.write(player.stderr)
+    if player.returncode:
+        lines = [line for line in player.stderr.splitlines() if line.strip()]
         raise EvaluationError(f"{lines[-1] if lines else 'the player of ROS 1 ended'}; see log.txt")

@@ -10,7 +10,7 @@ from pathlib import Path
 from carlaloc_env.core.errors import EvaluationError
 from recorder.dataset.sequence import SlamSequence
 from recorder.dataset.trajectories import read_trajectory
-from recorder.evaluation.trajectory import read_covariances
+from recorder.evaluation.covariance_files import read_covariances
 from recorder.slam.system import FrameClock, StampedPose, stamped_poses
 
 _PATHS: dict[str, Callable[[SlamSequence], Path]] = {

@@ -1,16 +1,4 @@
-"""LiDAR odometry by libraries: KISS-ICP, GenZ-ICP, RKO-LIO, small_gicp.
-
-GenZ-ICP (Lee et al., RA-L 2025; MIT licence), motion-compensated where points have times.
-
-KISS-ICP (Vizzo et al., RA-L 2023; MIT licence), motion-compensated where points have times.
-
-RKO-LIO (Malladi et al. 2025; MIT licence): LiDAR and inertial odometry.
-
-Scan-to-map GICP by small_gicp (Koide, JOSS 2024; MIT licence), without motion compensation.
-
-It states a covariance: each fit is taken for an independent measurement of the motion since the last sweep,
-with the covariance of a least-squares fit: the inverse Hessian times the mean squared residual.
-"""
+"""LiDAR odometry by libraries: KISS-ICP, GenZ-ICP, RKO-LIO, small_gicp."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -20,11 +8,13 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from recorder.dataset.scans import ScanSource
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.trajectory import composed_covariance
+from recorder.evaluation.se3 import composed_covariance
 from recorder.slam.system import FrameClock, StampedPose
 
 RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0
-"""Returns outside are not used [m]; the voxels of its map are a hundredth of the larger."""
+"""Returns outside are not used [m]; the voxels of KISS-ICP's map are a hundredth of the larger."""
+POINT_SPACING_M, VOXEL_M = 0.25, 1.0
+"""small_gicp's spacing of a scan's points after thinning [m] and edge of the map's voxels [m]."""
 
 
 def near_m(sequence: ScanSource) -> float:
@@ -33,7 +23,7 @@ def near_m(sequence: ScanSource) -> float:
 
 
 def run_kiss_icp(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPose]:
-    """Poses of the LiDAR."""
+    """Poses of the LiDAR by KISS-ICP (Vizzo et al., RA-L 2023; MIT licence), motion-compensated."""
     from kiss_icp.config import KISSConfig
     from kiss_icp.kiss_icp import KissICP
 
@@ -52,7 +42,7 @@ def registered(odometry: Any, sequence: ScanSource, clock: FrameClock) -> Iterat
 
 
 def run_genz_icp(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPose]:
-    """Poses of the LiDAR."""
+    """Poses of the LiDAR by GenZ-ICP (Lee et al., RA-L 2025; MIT licence), motion-compensated."""
     from genz_icp.config import GenZConfig
     from genz_icp.genz_icp import GenZICP
 
@@ -62,7 +52,7 @@ def run_genz_icp(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPos
 
 
 def run_rko_lio(sequence: SlamSequence, clock: FrameClock) -> Iterator[StampedPose]:
-    """Poses of the IMU, which is its base frame here, at the ends of the sweeps."""
+    """Poses of the IMU by RKO-LIO (Malladi et al. 2025; MIT licence), at the ends of the sweeps."""
     from rko_lio.config import LIOConfig
     from rko_lio.lio import LIO
 
@@ -81,12 +71,11 @@ def run_rko_lio(sequence: SlamSequence, clock: FrameClock) -> Iterator[StampedPo
         yield scan.stamp_ns, np.array(odometry.pose())
 
 
-POINT_SPACING_M, VOXEL_M = 0.25, 1.0
-"""Spacing of a scan's points after thinning [m] and edge of the map's voxels [m]."""
-
-
 def run_small_gicp(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPose]:
-    """Poses of the LiDAR."""
+    """Poses of the LiDAR by small_gicp (Koide, JOSS 2024; MIT licence), scan to map, without compensation.
+
+    Each fit counts as an independent measurement of the motion since the last sweep; see `fit_covariance`.
+    """
     import small_gicp
 
     target = small_gicp.GaussianVoxelMap(VOXEL_M)
@@ -122,5 +111,5 @@ def fit_covariance(result: Any) -> Array:
     order = np.array([3, 4, 5, 0, 1, 2])
     H = np.array(result.H)[order[:, None], order]
     variance = 2.0 * float(result.error) / max(3 * int(result.num_inliers) - 6, 1)
-    found: Array = np.linalg.inv(H) * variance
-    return found
+    covariance: Array = np.linalg.inv(H) * variance
+    return covariance

@@ -85,9 +85,9 @@ def _fed(sequence: SlamSequence, *, inertial: bool) -> Iterator[tuple[StereoPair
         for pair in sequence.stereo_pairs():
             yield pair, none
         return
-    found = list(sequence.imu_samples())
-    stamp_ns = np.array([sample.stamp_ns for sample in found])
-    table = np.array([[s.stamp_ns * 1e-9, *s.angular_velocity_radps, *s.acceleration_mps2] for s in found])
+    samples = list(sequence.imu_samples())
+    stamp_ns = np.array([sample.stamp_ns for sample in samples])
+    table = np.array([[s.stamp_ns * 1e-9, *s.angular_velocity_radps, *s.acceleration_mps2] for s in samples])
     begin = 0
     for pair in sequence.stereo_pairs():
         end = int(np.searchsorted(stamp_ns, pair.stamp_ns, side="right"))

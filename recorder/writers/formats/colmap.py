@@ -1,11 +1,7 @@
-"""COLMAP's text model and nerfstudio's ``transforms.json`` of the same pictures, for splats.
+"""COLMAP's text model and nerfstudio's ``transforms.json`` of the same pictures, for splats; poses are exact.
 
-Poses are exact. Seed points are those of the LiDAR that a camera sees, with its colours; masks are black
-where road users and the ego's own body are. Of each picture the same view is named in the twins of its
-sequence: its clean plate, which has no traffic, and other weathers.
-
-Axes and pixels as in COLMAP's ``doc/format.rst`` and nerfstudio's ``data_conventions.md``: the middle of the
-first pixel lies at 0.5.
+Axes and pixels are as in COLMAP's ``doc/format.rst`` and nerfstudio's ``data_conventions.md``: the middle of
+the first pixel lies at 0.5.
 """
 
 import json
@@ -24,7 +20,7 @@ from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, Semantic
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, png_of
 from recorder.writers.formats.ego_path import FollowingWriter, is_pose, pose_piece
-from recorder.writers.formats.raw import ply_bytes
+from recorder.writers.formats.ply import ply_bytes
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
 
 CLEAN_PLATE = "clean_plate"
@@ -84,8 +80,8 @@ class ColmapEncoder(Encoder):
             kind, png = _MASKS, png_of(_still(sample), sample.sensor)
         elif isinstance(sample, DepthImage):
             steps = np.rint(sample.depth_m / DEPTH_STEP_M)
-            known = np.where(steps <= 65535, steps, 0).astype(np.uint16)
-            kind, png = _DEPTHS, png_of(known, sample.sensor)
+            near = np.where(steps <= 65535, steps, 0).astype(np.uint16)
+            kind, png = _DEPTHS, png_of(near, sample.sensor)
         return [] if png is None else [Piece(sample.stamp_ns, f"{kind}/{camera}", "", png)]
 
 
@@ -105,6 +101,10 @@ class _View:
 
 class ColmapWriter(FollowingWriter):
     """Pictures, masks, depth, ``sparse/0``, ``transforms.json`` and seed points in a folder.
+
+    Seed points are those of the LiDAR that a camera sees, with its colours; masks are black where road users
+    and the ego's own body are. Of each picture the same view is named in the twins of its sequence: its clean
+    plate, which has no traffic, and other weathers.
 
     Args:
         target: The folder.

@@ -1,27 +1,18 @@
-"""Events in the layout of the DSEC data set: one HDF5 file per camera.
+"""Events in the layout of the DSEC data set (dsec.ifi.uzh.ch/data-format): one HDF5 file per camera.
 
-``events/{t,x,y,p}``, ``ms_to_idx`` and ``t_offset`` (dsec.ifi.uzh.ch/data-format): times are µs after
-the offset, and ``ms_to_idx[m]`` is the first event that is not earlier than m milliseconds. Beside it stands
-``rectify_map.h5``, which DSEC's loader always opens: where each raw pixel lies in the rectified picture. Ours
-are rectified as they come, so that it is the identity; a lens stands in the calibration files.
-
-True disparity of the left event camera in the layout of the DSEC data set.
-
-``event/%06d.png`` (16 bits, disparity [px] · 256, 0 where nothing is known) and ``timestamps.txt`` [µs]
-(dsec.ifi.uzh.ch/data-format). Both cameras look in the same direction, so that pictures are rectified.
+Times are µs after ``t_offset``; ``ms_to_idx[m]`` is the first event that is not earlier than m milliseconds.
 """
 
 import io
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import h5py
 import numpy as np
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.samples import EVENT, DepthImage, Events, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, png_of
-from recorder.writers.rig_calibration import RigCalibration
+from carlaloc_env.samples import EVENT, Events, Sample
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer
 
 RECTIFY_MAP = "rectify_map.h5"
 """Name of the file with the map."""
@@ -51,7 +42,10 @@ class DsecEncoder(Encoder):
 
 
 class DsecWriter(Writer):
-    """One event stream in one ``.h5`` file, with ``rectify_map.h5`` beside it.
+    """One event stream in one ``.h5`` file, with ``rectify_map.h5`` beside it, which DSEC's loader opens.
+
+    That map gives the place of each raw pixel in the rectified picture. Ours are rectified as they come, so
+    that it is the identity; a lens stands in the calibration files.
 
     Args:
         target: File name, ending in ``.h5``.
@@ -162,54 +156,3 @@ class _DiskFile(io.FileIO):
         """
         if self._failure is not None:
             raise self._failure
-
-
-class DsecDisparityEncoder(Encoder):
-    """Disparity from the left camera's depth: focal length · baseline / depth.
-
-    Args:
-        calibration: The rig; its first two cameras are the pair.
-        epoch_ns: Unix time of the drive's beginning [ns].
-    """
-
-    def __init__(self, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
-        super().__init__(epoch_ns=epoch_ns)
-        left, right = calibration.cameras[:2]
-        self._stream = f"depth_{left.name}"
-        baseline_m = float(calibration.T(left.frame, right.frame)[0, 3])
-        self._scale = 256.0 * left.pinhole.fx_px * baseline_m
-
-    def encode(self, sample: Sample) -> list[Piece]:
-        """A depth image as PNG."""
-        if not isinstance(sample, DepthImage) or sample.sensor != self._stream:
-            return []
-        with np.errstate(divide="ignore"):
-            disparity = np.where(sample.depth_m > 0, self._scale / sample.depth_m, 0.0)
-        png = png_of(np.clip(np.rint(disparity), 0, 65535).astype(np.uint16), sample.sensor, ())
-        return [Piece(sample.stamp_ns, "disparity", "png", png)]
-
-
-class DsecDisparityWriter(Writer):
-    """Pictures of disparity and their times."""
-
-    def __init__(self, target: str | Path, encoder: DsecDisparityEncoder) -> None:
-        super().__init__(target, encoder)
-        self._count = 0
-        self._stamps: TextIO | None = None
-
-    def _begin(self, part: Path) -> None:
-        (part / "event").mkdir(parents=True)
-        self._stamps = (part / "timestamps.txt").open("x", encoding="utf-8")
-
-    def _place(self, piece: Piece) -> None:
-        assert self._stamps is not None
-        (self._part / "event" / f"{self._count:06d}.png").write_bytes(piece.data)
-        self._stamps.write(f"{self.encoder.unix_ns(piece.stamp_ns) // 1000}\n")
-        self._count += 1
-
-    def _finish(self) -> None:
-        if self._stamps is not None:
-            self._stamps.close()
-
-    def _drop(self) -> None:
-        close_unfinished([self._stamps] if self._stamps is not None else [])

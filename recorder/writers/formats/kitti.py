@@ -1,14 +1,7 @@
-"""KITTI's odometry layout with SemanticKITTI's labels: one sequence in one folder.
+"""KITTI's odometry layout with SemanticKITTI's labels: one sequence in one folder (Geiger et al., CVPR 2012).
 
-``velodyne/%06d.bin`` (x, y, z, remission as float32), ``labels/%06d.label``, ``image_2`` and ``image_3``,
-``poses.txt`` (of the left camera, relative to its first), ``calib.txt``, ``times.txt``
-(Geiger et al., CVPR 2012; semantic-kitti-api's README). As there, points lie where they were seen at the
-time of the frame: the exact motion moves each from the time of its measurement to the beginning of its sweep.
-
-Labels of SemanticKITTI for our semantic tags, moving classes included.
-
-Numbers are those of semantic-kitti-api's ``config/semantic-kitti.yaml`` (Behley et al., "SemanticKITTI:
-A Dataset for Semantic Scene Understanding of LiDAR Sequences", ICCV 2019).
+Points lie where they were seen at the time of the frame: the exact motion moves each from the time of its
+measurement to the beginning of its sweep.
 """
 
 from collections import deque
@@ -24,58 +17,17 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, PointCloud, Sample
-from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, png_of
 from recorder.writers.formats.ego_path import POSE, EgoPath, is_pose, pose_piece
+from recorder.writers.formats.semantic_kitti import semantic_kitti_labels
 from recorder.writers.rig_calibration import RigCalibration
 
 MOVING_FROM_MPS = 0.5
 """Speed from which a road user counts as moving [m/s]."""
-_LABEL = {
-    Tag.ROAD: 40, Tag.ROAD_LINE: 60, Tag.SIDEWALK: 48, Tag.GROUND: 49, Tag.WATER: 49, Tag.RAIL_TRACK: 49,
-    Tag.BUILDING: 50, Tag.WALL: 52, Tag.BRIDGE: 52, Tag.FENCE: 51, Tag.GUARD_RAIL: 51, Tag.POLE: 80,
-    Tag.TRAFFIC_SIGN: 81, Tag.TRAFFIC_LIGHT: 99, Tag.VEGETATION: 70, Tag.TERRAIN: 72, Tag.CAR: 10,
-    Tag.TRUCK: 18, Tag.BUS: 13, Tag.TRAIN: 16, Tag.MOTORCYCLE: 15, Tag.BICYCLE: 11, Tag.PEDESTRIAN: 30,
-    Tag.RIDER: 31, Tag.STATIC: 99, Tag.DYNAMIC: 99, Tag.OTHER: 99,
-}  # fmt: skip
-_MOVING_LABEL = {
-    Tag.CAR: 252, Tag.TRUCK: 258, Tag.BUS: 257, Tag.TRAIN: 256, Tag.MOTORCYCLE: 255, Tag.BICYCLE: 253,
-    Tag.RIDER: 253, Tag.PEDESTRIAN: 254,
-}  # fmt: skip
-"""The benchmark counts riders and what they ride as one moving class."""
-
-
-def _table(moving: bool) -> NDArray[np.uint32]:
-    table = np.zeros(256, np.uint32)
-    for tag, label in {**_LABEL, **(_MOVING_LABEL if moving else {})}.items():
-        table[tag] = label
-    return table
-
-
-_STILL, _MOVING = _table(False), _table(True)
-
-
-def semantic_kitti_labels(
-    tag: NDArray[np.uint8], instance: NDArray[np.uint32], moving: NDArray[np.uint32]
-) -> NDArray[np.uint32]:
-    """Labels of points: class in the lower 16 bits, instance in the upper ones, shape (N,).
-
-    Args:
-        tag: Semantic `Tag` of each point, shape (N,).
-        instance: Instance id of each point, shape (N,); its lower 16 bits are kept.
-        moving: Instance ids of all that moves, shape (M,).
-    """
-    label = np.where(np.isin(instance, moving), _MOVING[tag], _STILL[tag])
-    thing = np.isin(tag, np.array(list(_MOVING_LABEL), np.uint8))
-    return (label | np.where(thing, (instance & 0xFFFF) << 16, 0)).astype(np.uint32)
-
-
 T_LIDAR_CAMERA_AXES: Array = np.array(
     [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
 """A camera's axes (right, down, forward) at the LiDAR, for rigs without a camera."""
-
-
 _ROW = np.dtype(
     [("xyz", "<f4", 3), ("intensity", "<f4"), ("offset_ns", "<u4"), ("tag", "u1"), ("instance", "<u4")]
 )
@@ -132,7 +84,11 @@ class KittiEncoder(Encoder):
 
 
 class KittiWriter(Writer):
-    """Clouds, their labels, the images of the same instants, and truth; a frame is a LiDAR sweep."""
+    """Clouds, their labels, the images of the same instants, and truth; a frame is a LiDAR sweep.
+
+    Files are ``velodyne/%06d.bin`` (x, y, z, remission as float32), ``labels/%06d.label``, ``image_2`` and
+    ``image_3``, ``poses.txt`` (of the left camera, relative to its first), ``calib.txt`` and ``times.txt``.
+    """
 
     encoder: KittiEncoder
 

@@ -23,13 +23,7 @@ from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, PointCloud, RadarScan, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, jpeg_of, png_of
 from recorder.writers.formats.ego_path import FollowingWriter, is_pose, pose_piece
-from recorder.writers.formats.nuscenes_boxes import (
-    OBJECTS,
-    ActorTracks,
-    Boxes,
-    objects_piece,
-    points_in,
-)
+from recorder.writers.formats.nuscenes_boxes import OBJECTS, ActorTracks, Boxes, objects_piece, points_in
 from recorder.writers.formats.nuscenes_tables import (
     BOX_CATEGORY,
     MOVING_FROM_MPS,
@@ -76,7 +70,7 @@ def channels_of(calibration: RigCalibration, streams: tuple[str, ...]) -> dict[s
     if lidar is None:
         raise WriterError("the nuScenes format needs a LiDAR; add one to the rig")
     stream = f"{lidar.name}_semantic" if f"{lidar.name}_semantic" in streams else lidar.name
-    found = {stream: Channel(name="LIDAR_TOP", modality="lidar", T_ego_sensor=lidar.T_base_lidar)}
+    channels = {stream: Channel(name="LIDAR_TOP", modality="lidar", T_ego_sensor=lidar.T_base_lidar)}
     taken = {"LIDAR_TOP"}
 
     def name_of(kind: str, ahead: Array, own: str) -> str:
@@ -91,15 +85,15 @@ def channels_of(calibration: RigCalibration, streams: tuple[str, ...]) -> dict[s
         T = camera.T_base_camera
         size = (camera.pinhole.height_px, camera.pinhole.width_px)
         name = name_of("CAM", T[:3, 2], camera.name)
-        found[camera.stream] = Channel(
+        channels[camera.stream] = Channel(
             name=name, modality="camera", T_ego_sensor=T, K=camera.pinhole.K, size_px=size
         )
     for stream in streams:
         if stream.startswith("radar_") and stream in calibration.frames:
             T = calibration.frames[stream]
             name = name_of("RADAR", T[:3, 0], stream.removeprefix("radar_"))
-            found[stream] = Channel(name=name, modality="radar", T_ego_sensor=T)
-    return found
+            channels[stream] = Channel(name=name, modality="radar", T_ego_sensor=T)
+    return channels
 
 
 class NuscenesEncoder(Encoder):
@@ -269,13 +263,13 @@ class NuscenesWriter(FollowingWriter):
 
     def _boxes(self, boxes: Boxes, world_m: Array, eye_m: Array) -> list[Row]:
         """Boxes with points of the LiDAR, or of the radars' last scans, in them."""
-        found, seen = points_in(boxes, world_m, eye_m)
-        detections = np.zeros(len(found), np.int64)
+        hits, seen = points_in(boxes, world_m, eye_m)
+        detections = np.zeros(len(hits), np.int64)
         for points in self._seen.values():
             detections += points_in(boxes, points, eye_m)[0]
         visible = np.where(np.isnan(boxes.visible), seen, boxes.visible)
         rows: list[Row] = []
-        for k in np.flatnonzero(found + detections).tolist():
+        for k in np.flatnonzero(hits + detections).tolist():
             if int(boxes.tag[k]) not in BOX_CATEGORY:
                 continue
             length, width, height = boxes.size_m[k].tolist()
@@ -285,7 +279,7 @@ class NuscenesWriter(FollowingWriter):
                     "number": int(boxes.id[k]), "category": BOX_CATEGORY[int(boxes.tag[k])],
                     "place": self._global(T), "size": [width, length, height],
                     "speed_mps": float(boxes.speed_mps[k]), "visible": float(visible[k]),
-                    "points": int(found[k]), "detections": int(detections[k]),
+                    "points": int(hits[k]), "detections": int(detections[k]),
                 }
             )  # fmt: skip
         return rows

@@ -104,8 +104,8 @@ class ActorTracks:
 
     def boxes(self, stamp_ns: int, ground: TownGround) -> Boxes:
         """All boxes at a time [ns]."""
-        known = [k for k, at in enumerate(self._stamps_ns) if at <= stamp_ns or k == 0]
-        frame = self._frames[known[-1]] if known else np.empty(0, _ROW)
+        past = [k for k, at in enumerate(self._stamps_ns) if at <= stamp_ns or k == 0]
+        frame = self._frames[past[-1]] if past else np.empty(0, _ROW)
         count, parked = len(frame), len(ground.parked_heading_rad)
         still = np.zeros((parked, 3))
         still[:, 2] = ground.parked_heading_rad
@@ -177,5 +177,5 @@ def points_in(boxes: Boxes, points_m: Array, eye_m: Array) -> tuple[NDArray[np.i
     ends = np.stack([(-half - start) / steady, (half - start) / steady])
     enters, leaves = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
     stopped = ~inside & (enters < leaves) & (enters > 1.0)
-    found, hidden = (np.bincount(box[kind], minlength=count) for kind in (inside, stopped))
-    return found, found / np.maximum(found + hidden, 1)
+    hits, hidden = (np.bincount(box[kind], minlength=count) for kind in (inside, stopped))
+    return hits, hits / np.maximum(hits + hidden, 1)

@@ -250,8 +250,8 @@ class SequenceTables:
                 }
             )  # fmt: skip
         _chain(rows, "scene")
-        for found in rows:
-            del found["scene"]
+        for record in rows:
+            del record["scene"]
         return rows
 
     def _annotations(self) -> tuple[list[Row], list[Row]]:

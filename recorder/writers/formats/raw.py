@@ -1,24 +1,19 @@
 """Samples as they are: PNG, PLY and npz in a folder per stream, for programs that know no robotics.
 
-``rgb_left/%d.png``, ``semantic_left/%d.png`` (tags) and ``%d.instance.npz``, ``depth_left/%d.npz`` …,
-``lidar/%d.ply``, ``events_left/%d.npz``; small and frequent samples are a table per stream, ``imu.npz``. File
-names are stamps, arrays have the names and units of `carlaloc_env.samples`.
-
-Trajectories in the TUM format: one line "time tx ty tz qx qy qz qw" per pose.
+Small and frequent samples are a table per stream, ``imu.npz``. File names are stamps; arrays have the names
+and units of `carlaloc_env.samples`.
 """
 
 import ast
 import io
-from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import IO, Any
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.samples import (
     GnssFix,
     Image,
@@ -30,23 +25,11 @@ from carlaloc_env.samples import (
     Speed,
     WheelTicks,
 )
-from carlaloc_env.timeline.ego_spline import Motion
-from carlaloc_env.timeline.timeline import Timeline
-from recorder.evaluation.trajectory_files import tum_text
-from recorder.writers.base import (
-    DEFAULT_EPOCH_NS,
-    Encoder,
-    Piece,
-    Writer,
-    close_unfinished,
-    png_of,
-    write_text,
-)
+from recorder.writers.base import Encoder, Piece, Writer, close_unfinished, png_of
+from recorder.writers.formats.ply import ply_bytes
 
 TABLES = (Imu, GnssFix, Speed, WheelTicks, Odometry)
 """Samples that are rows of a table."""
-_PLY = {"<f8": "double", "<f4": "float", "<i4": "int", "<u2": "uint16", "|u1": "uchar"}
-"""Names of types, among those that Open3D reads."""
 
 
 class RawEncoder(Encoder):
@@ -73,7 +56,12 @@ class RawEncoder(Encoder):
 
 
 class RawWriter(Writer):
-    """All samples of a sequence in a folder."""
+    """All samples of a sequence in a folder.
+
+    Files are ``rgb_left/%d.png``, ``semantic_left/%d.png`` (tags) and ``%d.instance.npz``,
+    ``depth_left/%d.npz`` …, ``lidar/%d.ply``, ``events_left/%d.npz``, and a table per stream of
+    small samples.
+    """
 
     def _begin(self, part: Path) -> None:
         part.mkdir(parents=True)
@@ -146,67 +134,3 @@ def _ply(sample: PointCloud) -> bytes:
     if sample.instance is not None:
         columns.append(("instance", "<i4", sample.instance))
     return ply_bytes(columns)
-
-
-def ply_bytes(
-    columns: Sequence[tuple[str, str, NDArray[Any]]], triangles: NDArray[Any] | None = None
-) -> bytes:
-    """Binary PLY of points.
-
-    Args:
-        columns: Name, data type and values of each of their properties.
-        triangles: Rows of the corners of triangles over them, shape (T, 3).
-    """
-    rows = np.empty(len(columns[0][2]), [(name, kind) for name, kind, _ in columns])
-    for name, _, values in columns:
-        rows[name] = values
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
-    header += [f"property {_PLY[kind]} {name}" for name, kind, _ in columns]
-    content = rows.tobytes()
-    if triangles is not None:
-        header += [f"element face {len(triangles)}", "property list uchar uint vertex_indices"]
-        faces = np.empty(len(triangles), [("count", "|u1"), ("corners", "<u4", 3)])
-        faces["count"], faces["corners"] = 3, triangles
-        content += faces.tobytes()
-    return "\n".join([*header, "end_header\n"]).encode() + content
-
-
-def write_tum(path: str | Path, motion: Motion, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> Path:
-    """Write the poses of a frame in the world.
-
-    Args:
-        path: New file.
-        motion: Motion of the frame.
-        epoch_ns: Unix time of the drive's beginning [ns].
-
-    Raises:
-        WriterError: the file exists or cannot be written.
-    """
-    return write_text(path, tum_text(epoch_ns + motion.stamp_ns, motion.position_m, motion.quat_xyzw))
-
-
-def write_truth(
-    folder: str | Path,
-    timeline: Timeline,
-    stamps_ns: ArrayLike,
-    frames: Mapping[str, ArrayLike],
-    *,
-    epoch_ns: int = DEFAULT_EPOCH_NS,
-) -> list[Path]:
-    """Write ``<frame>.tum`` for every frame on the car.
-
-    Args:
-        folder: Where the files go.
-        timeline: The drive.
-        stamps_ns: Times [ns], shape (M,).
-        frames: Maps each frame's coordinates to `base_link`, shape (4, 4), by the frame's name.
-        epoch_ns: Unix time of the drive's beginning [ns].
-
-    Raises:
-        WriterError: a file exists or cannot be written.
-    """
-    motion = timeline.ego_motion(stamps_ns)
-    return [
-        write_tum(path_below(folder, f"{name}.tum"), motion.at_mount(T_base_frame), epoch_ns=epoch_ns)
-        for name, T_base_frame in frames.items()
-    ]

@@ -12,10 +12,11 @@ from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Events, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
+from recorder.writers.ros.compact_messages import I420
 from recorder.writers.ros.message_parts import Message, make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
-from recorder.writers.ros.sensor_messages import I420, VideoEncoder
-from recorder.writers.topics import profile_by_name
+from recorder.writers.ros.video import VideoEncoder
+from recorder.writers.topic_profiles import profile_by_name
 
 _CLOCK_PERIOD_NS = 10_000_000
 _VIDEO = "foxglove_msgs/msg/CompressedVideo"

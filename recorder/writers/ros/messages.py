@@ -1,146 +1,47 @@
-"""ROS messages of samples: a function per kind, for ROS 1 and ROS 2 alike.
-
-ROS messages of how the car and others move: inertial, satellite, wheels, truth.
-"""
+"""ROS messages of samples: a function per kind, for ROS 1 and ROS 2 alike."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from carlaloc_env.core import transforms
-from carlaloc_env.samples import GnssFix, Imu, ObjectList, Odometry, Sample, Speed, WheelTicks
-from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.vehicle_track import WHEELS
+from carlaloc_env.samples import Sample
 from recorder.writers.base import grey
-from recorder.writers.ros import sensor_messages
+from recorder.writers.ros import camera_messages, compact_messages, motion_messages, point_messages
 from recorder.writers.ros.message_parts import Message, MessageParts
-from recorder.writers.ros.sensor_messages import image_encoder
 
-_CLASSES = {
-    Tag.PEDESTRIAN: 4, Tag.RIDER: 5, Tag.BICYCLE: 5, Tag.CAR: 6, Tag.TRUCK: 7, Tag.MOTORCYCLE: 8, Tag.BUS: 9,
-    Tag.TRAIN: 9,
-}  # fmt: skip
-"""derived_object_msgs/Object's classification of semantic tags."""
-
-
-def imu(maker: MessageParts, header: Message, sample: Imu) -> Message:
-    """Specific force and body rate; the attitude where the sensor measures it."""
-    covariance = np.eye(3).reshape(-1) * sample.orientation_noise_rad**2
-    if sample.quat_xyzw is None:
-        covariance = np.zeros(9)
-        covariance[0] = -1.0  # sensor_msgs/Imu: "no orientation estimate"
-    quat = sample.quat_xyzw if sample.quat_xyzw is not None else np.array([0.0, 0.0, 0.0, 1.0])
-    return maker.new(
-        "sensor_msgs/Imu",
-        header=header,
-        orientation=maker.quaternion(quat),
-        orientation_covariance=covariance,
-        angular_velocity=maker.vector(sample.angular_rate_radps),
-        angular_velocity_covariance=np.zeros(9),
-        linear_acceleration=maker.vector(sample.specific_force_mps2),
-        linear_acceleration_covariance=np.zeros(9),
-    )
-
-
-def nav_sat_fix(maker: MessageParts, header: Message, sample: GnssFix) -> Message:
-    """Position on the Earth; its covariance is east, north, up."""
-    # A base station's corrections are an augmentation from the ground (STATUS_GBAS_FIX).
-    level = {"none": -1, "single": 0, "float": 2, "fixed": 2}[sample.solution if sample.has_fix else "none"]
-    status = maker.new("sensor_msgs/NavSatStatus", status=level, service=1)
-    covariance = sample.covariance_enu_m2
-    diagonal = not np.any(covariance - np.diag(np.diag(covariance)))
-    return maker.new(
-        "sensor_msgs/NavSatFix",
-        header=header,
-        status=status,
-        latitude=sample.latitude_deg,
-        longitude=sample.longitude_deg,
-        altitude=sample.altitude_m,
-        position_covariance=np.ascontiguousarray(covariance).reshape(-1),
-        position_covariance_type=(2 if diagonal else 3) if sample.has_fix else 0,
-    )
-
-
-def twist(maker: MessageParts, header: Message, sample: Speed) -> Message:
-    """Forward speed in the axes of the car."""
-    linear = maker.vector(np.array([sample.speed_mps, 0.0, 0.0]))
-    twist = maker.new("geometry_msgs/Twist", linear=linear, angular=maker.vector(np.zeros(3)))
-    return maker.new("geometry_msgs/TwistStamped", header=header, twist=twist)
-
-
-def wheel_joints(maker: MessageParts, header: Message, sample: WheelTicks) -> Message:
-    """Angles are whole ticks."""
-    return maker.new(
-        "sensor_msgs/JointState",
-        header=header,
-        name=[f"wheel_{name}" for name in WHEELS],
-        position=sample.ticks * (2.0 * np.pi / sample.ticks_per_turn),
-        velocity=sample.rate_radps,
-        effort=np.zeros(0),
-    )
-
-
-def objects(maker: MessageParts, header: Message, sample: ObjectList) -> Message:
-    """Boxes in the world; the twist is in world axes, as CARLA's ROS bridge has it."""
-    nothing = maker.vector(np.zeros(3))
-    still = maker.new("geometry_msgs/Accel", linear=nothing, angular=nothing)
-    no_polygon = maker.new("geometry_msgs/Polygon", points=[])
-    # ROS 2's primitive has another polygon, for prisms.
-    extra = {"polygon": no_polygon} if "polygon" in maker.fields_of("shape_msgs/SolidPrimitive") else {}
-    objects = [
-        maker.new(
-            "derived_object_msgs/Object",
-            header=header,
-            id=int(sample.id[k]),
-            detection_level=1,
-            object_classified=True,
-            pose=maker.pose(sample.position_m[k], quat),
-            twist=maker.new(
-                "geometry_msgs/Twist",
-                linear=maker.vector(sample.velocity_mps[k]),
-                angular=maker.vector(np.array([0.0, 0.0, sample.yaw_rate_radps[k]])),
-            ),
-            accel=still,
-            polygon=no_polygon,
-            shape=maker.new("shape_msgs/SolidPrimitive", type=1, dimensions=sample.size_m[k].copy(), **extra),
-            classification=_CLASSES.get(Tag(int(sample.tag[k])), 0),
-            classification_certainty=255,
-            classification_age=0,
-        )
-        for k, quat in enumerate(sample.quat_xyzw)
-    ]
-    return maker.new("derived_object_msgs/ObjectArray", header=header, objects=objects)
-
-
-def acceleration(maker: MessageParts, header: Message, sample: Odometry) -> Message:
-    """In the axes of the frame itself, gravity not included."""
-    turn = transforms.quat_conjugate(sample.quat_xyzw)
-    linear = maker.vector(transforms.quat_rotate(turn, sample.acceleration_world_mps2))
-    accel = maker.new("geometry_msgs/Accel", linear=linear, angular=maker.vector(np.zeros(3)))
-    return maker.new("geometry_msgs/AccelStamped", header=header, accel=accel)
-
-
-def odometry(maker: MessageParts, header: Message, sample: Odometry) -> Message:
-    """The pose is in the header's frame, the twist in the child's (nav_msgs/Odometry)."""
-    velocity = transforms.quat_rotate(transforms.quat_conjugate(sample.quat_xyzw), sample.velocity_world_mps)
-    twist = maker.new(
-        "geometry_msgs/Twist",
-        linear=maker.vector(velocity),
-        angular=maker.vector(sample.angular_rate_radps),
-    )
-    header.frame_id = "world"
-    return maker.new(
-        "nav_msgs/Odometry",
-        header=header,
-        child_frame_id=sample.frame_id,
-        pose=maker.new(
-            "geometry_msgs/PoseWithCovariance",
-            pose=maker.pose(sample.position_m, sample.quat_xyzw),
-            covariance=np.zeros(36),
-        ),
-        twist=maker.new("geometry_msgs/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
-    )
+ENCODERS: dict[str, tuple[str, Callable[[MessageParts, Message, Any], Message]]] = {
+    "image_rgb8": ("sensor_msgs/msg/Image", camera_messages.image_encoder("rgb8", lambda s: s.rgb)),
+    "image_mono8": ("sensor_msgs/msg/Image", camera_messages.image_encoder("mono8", grey)),
+    "image_32fc1": ("sensor_msgs/msg/Image", camera_messages.image_encoder("32FC1", lambda s: s.depth_m)),
+    "image_tags": ("sensor_msgs/msg/Image", camera_messages.image_encoder("mono8", lambda s: s.tag)),
+    "image_32fc2": ("sensor_msgs/msg/Image", camera_messages.image_encoder("32FC2", lambda s: s.flow_px)),
+    "image_32fc3": ("sensor_msgs/msg/Image", camera_messages.image_encoder("32FC3", lambda s: s.normal)),
+    "event_array": ("dvs_msgs/msg/EventArray", camera_messages.event_array),
+    "camera_info": ("sensor_msgs/msg/CameraInfo", camera_messages.camera_info),
+    "points": ("sensor_msgs/msg/PointCloud2", point_messages.points),
+    "points_labelled": ("sensor_msgs/msg/PointCloud2", point_messages.points_labelled),
+    "points_of_the_town": ("sensor_msgs/msg/PointCloud2", point_messages.points_of_the_town),
+    "video": ("foxglove_msgs/msg/CompressedVideo", compact_messages.video),
+    "depth_png": ("sensor_msgs/msg/CompressedImage", compact_messages.depth_png),
+    "tags_png": ("sensor_msgs/msg/CompressedImage", compact_messages.tags_png),
+    "cloud_draco": ("foxglove_msgs/msg/CompressedPointCloud", compact_messages.cloud_draco),
+    "radar_points": ("sensor_msgs/msg/PointCloud2", point_messages.radar_points),
+    "radar_scan": ("radar_msgs/msg/RadarScan", point_messages.radar_scan),
+    "imu": ("sensor_msgs/msg/Imu", motion_messages.imu),
+    "nav_sat_fix": ("sensor_msgs/msg/NavSatFix", motion_messages.nav_sat_fix),
+    "twist": ("geometry_msgs/msg/TwistStamped", motion_messages.twist),
+    "wheel_joints": ("sensor_msgs/msg/JointState", motion_messages.wheel_joints),
+    "objects": ("derived_object_msgs/msg/ObjectArray", motion_messages.objects),
+    "object_table": ("sensor_msgs/msg/PointCloud", point_messages.object_table),
+    "image_instances": (
+        "sensor_msgs/msg/Image",
+        camera_messages.image_encoder("32SC1", lambda s: s.instance.astype(np.int32)),
+    ),
+    "acceleration": ("geometry_msgs/msg/AccelStamped", motion_messages.acceleration),
+    "odometry": ("nav_msgs/msg/Odometry", motion_messages.odometry),
+}
+"""Message type and function of every encoding of a sample, by name."""
 
 
 class MessageMaker(MessageParts):
@@ -150,37 +51,3 @@ class MessageMaker(MessageParts):
         """Message of a sample by the name of its encoder in `ENCODERS`."""
         header = self.header(sample.stamp_ns, frame_id or sample.frame_id, topic)
         return ENCODERS[encoder][1](self, header, sample)
-
-
-ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]] = {
-    "image_rgb8": ("sensor_msgs/msg/Image", image_encoder("rgb8", lambda s: s.rgb)),
-    "image_mono8": ("sensor_msgs/msg/Image", image_encoder("mono8", grey)),
-    "image_32fc1": ("sensor_msgs/msg/Image", image_encoder("32FC1", lambda s: s.depth_m)),
-    "image_tags": ("sensor_msgs/msg/Image", image_encoder("mono8", lambda s: s.tag)),
-    "image_32fc2": ("sensor_msgs/msg/Image", image_encoder("32FC2", lambda s: s.flow_px)),
-    "image_32fc3": ("sensor_msgs/msg/Image", image_encoder("32FC3", lambda s: s.normal)),
-    "event_array": ("dvs_msgs/msg/EventArray", sensor_messages.event_array),
-    "camera_info": ("sensor_msgs/msg/CameraInfo", sensor_messages.camera_info),
-    "points": ("sensor_msgs/msg/PointCloud2", sensor_messages.points),
-    "points_labelled": ("sensor_msgs/msg/PointCloud2", sensor_messages.points_labelled),
-    "points_of_the_town": ("sensor_msgs/msg/PointCloud2", sensor_messages.points_of_the_town),
-    "video": ("foxglove_msgs/msg/CompressedVideo", sensor_messages.video),
-    "depth_png": ("sensor_msgs/msg/CompressedImage", sensor_messages.depth_png),
-    "tags_png": ("sensor_msgs/msg/CompressedImage", sensor_messages.tags_png),
-    "cloud_draco": ("foxglove_msgs/msg/CompressedPointCloud", sensor_messages.cloud_draco),
-    "radar_points": ("sensor_msgs/msg/PointCloud2", sensor_messages.radar_points),
-    "radar_scan": ("radar_msgs/msg/RadarScan", sensor_messages.radar_scan),
-    "imu": ("sensor_msgs/msg/Imu", imu),
-    "nav_sat_fix": ("sensor_msgs/msg/NavSatFix", nav_sat_fix),
-    "twist": ("geometry_msgs/msg/TwistStamped", twist),
-    "wheel_joints": ("sensor_msgs/msg/JointState", wheel_joints),
-    "objects": ("derived_object_msgs/msg/ObjectArray", objects),
-    "object_table": ("sensor_msgs/msg/PointCloud", sensor_messages.object_table),
-    "image_instances": (
-        "sensor_msgs/msg/Image",
-        image_encoder("32SC1", lambda s: s.instance.astype(np.int32)),
-    ),
-    "acceleration": ("geometry_msgs/msg/AccelStamped", acceleration),
-    "odometry": ("nav_msgs/msg/Odometry", odometry),
-}
-"""Message type and function of every encoding of a sample, by name."""

@@ -11,7 +11,8 @@ from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events
 from recorder.writers.base import Piece, close_unfinished
 from recorder.writers.ros.bag_writer import BagEncoder, BagWriter
-from recorder.writers.ros.message_parts import Message, ros1_with_events
+from recorder.writers.ros.event_messages import ros1_with_events
+from recorder.writers.ros.message_parts import Message
 
 COMPRESSIONS = ("none", "lz4", "bz2")
 """Ways to compress a bag's chunks."""

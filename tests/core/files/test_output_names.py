@@ -11,7 +11,7 @@ from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.map.sources import identify_town
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.episode.summary import traffic_level
+from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import Condition
 
 HOSTILE = ["../up", "/etc/x", "a/b", "a\\b", "..", ".", "", "a\0b", "a\nb", "ü", " a", "x" * 101, "~", "a:b"]

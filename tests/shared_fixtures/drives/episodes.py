@@ -5,7 +5,8 @@ import numpy as np
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from recorder.episode.episode import EgoRow, EpisodeHeader, EpisodeWriter
+from recorder.episode.ego_messages import EgoRow
+from recorder.episode.writer import EpisodeHeader, EpisodeWriter
 
 SIGNALS = 7
 """Signal heads."""

@@ -15,7 +15,8 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig
-from recorder.dataset.layout import SequenceFolder, write_checksums
+from recorder.dataset.checksums import write_checksums
+from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import SequenceDescription, write_manifest
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum

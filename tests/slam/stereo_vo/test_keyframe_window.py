@@ -3,7 +3,8 @@
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from recorder.slam.bundle_adjustment import KEYFRAMES, KeyframeWindow, StereoCamera
+from recorder.slam.bundle_adjustment import StereoCamera
+from recorder.slam.keyframe_window import KEYFRAMES, KeyframeWindow
 
 CAMERA = StereoCamera(focal_px=400.0, centre_px=np.array([320.0, 180.0]), baseline_m=0.5)
 IMAGES, STEP_M = 20, 0.7

@@ -17,8 +17,8 @@ from recorder.writers.rig_calibration import (
     ImuCalibration,
     LidarCalibration,
     RigCalibration,
-    real,
 )
+from recorder.writers.text_templates import real
 
 T_BASE_IMU = Mount(position_m=(1.5, 0.0, 1.05), axes="paper_imu").T_base_sensor
 T_BASE_LIDAR = Mount(position_m=(1.2, 0.0, 1.85), rpy_deg=(0.0, 1.0, 2.0)).T_base_sensor

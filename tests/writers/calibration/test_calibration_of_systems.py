@@ -20,7 +20,7 @@ from carlaloc_env.samples import Imu
 from carlaloc_env.sensors.imu import IMU_GRADES, ImuConfig
 from recorder.writers.calibration.files import calibration_texts, write_calibration
 from recorder.writers.rig_calibration import NOISE_FLOORS, RigCalibration
-from recorder.writers.topics import STANDARD
+from recorder.writers.topic_profiles import STANDARD
 
 RIG = RigCalibration.from_configs(rig_by_name("paper").sensors)
 IMU, LIDAR = "imu", "lidar"

@@ -16,8 +16,9 @@ from carlaloc_env.sensors.base import Mount
 from carlaloc_env.timeline.ego_spline import EgoTrack, Motion
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.formats.euroc import EurocEncoder, EurocWriter, write_state_csv
-from recorder.writers.formats.raw import write_truth, write_tum
+from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
+from recorder.writers.formats.euroc_states import write_state_csv
+from recorder.writers.formats.tum import write_truth, write_tum
 from recorder.writers.rig_calibration import CameraCalibration, ImuCalibration, RigCalibration
 
 T_BASE_IMU = Mount(position_m=(1.5, 0.1, 1.05), axes="paper_imu").T_base_sensor

@@ -17,7 +17,8 @@ from recorder.replaying.plan import without_unwritten
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.ros.message_parts import cdr_with_events, make_typestore
+from recorder.writers.ros.event_messages import cdr_with_events
+from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import MessageMaker
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 

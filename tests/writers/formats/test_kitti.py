@@ -12,7 +12,8 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, Sample
 from carlaloc_env.scene.semantic_tags import Tag
-from recorder.writers.formats.kitti import KittiEncoder, KittiWriter, semantic_kitti_labels
+from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
+from recorder.writers.formats.semantic_kitti import semantic_kitti_labels
 from recorder.writers.rig_calibration import RigCalibration
 
 SPEED, RATE = 12.0, 0.4

@@ -15,14 +15,14 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from carlaloc_env.sensors.base import Mount
-from recorder.bags import open_bag
+from recorder.bags.reader import open_bag
 from recorder.dataset.scans import read_scans
 from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
-from recorder.writers.ros import sensor_messages
+from recorder.writers.ros import compact_messages
+from recorder.writers.ros.compact_messages import DRACO_FIELDS, depth_of_png
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 from recorder.writers.ros.rosbag2 import METADATA, Ros2Encoder, Rosbag2Writer
-from recorder.writers.ros.sensor_messages import DRACO_FIELDS, depth_of_png
 
 av = pytest.importorskip("av")
 draco = pytest.importorskip("DracoPy", reason="clouds of the profile compact need DracoPy")
@@ -180,12 +180,12 @@ def test_kiss_icps_loader_finds_the_lidar_by_itself(tmp_path: Path) -> None:
 
 def test_without_draco_the_way_to_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "DracoPy", None)
-    sensor_messages.draco.cache_clear()
+    compact_messages.draco.cache_clear()
     try:
         with pytest.raises(WriterError, match=r"pip install 'carlaloc-env\[compact\]'"):
             Ros1Encoder(RIG, profile="compact").encode(cloud(0))
     finally:
-        sensor_messages.draco.cache_clear()
+        compact_messages.draco.cache_clear()
 
 
 def test_mcap_carries_conditions_and_calibration(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from shared_fixtures.readings.bag_samples import imu, truth, two_objects
 from carlaloc_env.samples import GnssFix, RadarScan, Sample, SemanticImage, WheelTicks
 from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
-from recorder.writers.topics import PROFILES, STANDARD
+from recorder.writers.topic_profiles import PROFILES, STANDARD
 
 OFFICIAL_MD5 = {
     "radar_msgs/msg/RadarScan": "6dfacef1e665538dbd8e159d5ce7a97a",

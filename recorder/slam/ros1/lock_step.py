@@ -1,30 +1,10 @@
-"""Feeding a ROS 1 node: when it gets its next input, and clouds without points of some labels.
-
-When a node gets its next input: the rule by which a busy machine drops nothing.
-
-A pose answers all inputs up to its stamp. After each input the node has to answer until at most `lag` inputs
-are open; if an answer came and left no more, the next input follows at once, and where none is due the node
-only has to rest for a moment. Patience is counted in time at rest (no thread runs or wants to), so that a
-node that computes is waited for as long as it does.
-
-`lag` is learned: 0 at first, one more after each wait in vain, and one less on trial after some inputs
-without such a wait. A trial that fails, of a node that answers every second input or k inputs later, doubles
-the number of inputs before the next; one that holds halves it. So a lag costs few waits, and a stall is
-forgotten.
-A node that gives no pose at all, for it has not begun or has lost its way, is not waited for in full.
-
-It imports nothing of ours, since the player runs under another Python.
-
-Takes points of some labels out of clouds, without NumPy, which the system's Python may lack.
-"""
+"""Decides when a ROS 1 node gets its next input, so that a busy machine drops nothing."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections import deque
-from collections.abc import Collection
-from typing import Any, Protocol
+from typing import Protocol
 
 MOST_LAG = 20
 """Longest lag that is learned [inputs]."""
@@ -59,6 +39,17 @@ class Answering(Protocol):
 
 class LockStep:
     """Waits for a node after each input.
+
+    A pose answers all inputs up to its stamp. After each input the node has to answer until at most `lag`
+    inputs are open; if an answer came and left no more, the next input follows at once, and where none is due
+    the node only has to rest for a moment. Patience is counted in time at rest (no thread runs or wants to),
+    so that a node that computes is waited for as long as it does. A node that gives no pose at all, for it
+    has not begun or has lost its way, is not waited for in full.
+
+    `lag` is learned: 0 at first, one more after each wait in vain, and one less on trial after some inputs
+    without such a wait. A trial that fails, of a node that answers every second input or k inputs later,
+    doubles the number of inputs before the next; one that holds halves it. So a lag costs few waits, and a
+    stall is forgotten.
 
     Args:
         node: The node.
@@ -138,31 +129,3 @@ class LockStep:
             if self._on_trial:
                 self._interval = max(self._interval // 2, _CALM)
             self._on_trial, self._calm, self.lag = self.lag > 0, 0, max(self.lag - 1, 0)
-
-
-class UnlabelledError(Exception):
-    """Clouds have no labels by which points could be left out."""
-
-
-_KEPT_RUN = re.compile(rb"\x01+")
-
-
-def without_labels(cloud: Any, labels: Collection[int]) -> None:
-    """Take the points of some labels out of a `sensor_msgs/PointCloud2`, in place.
-
-    Args:
-        cloud: The message.
-        labels: Values of its field ``label``, one byte.
-
-    Raises:
-        UnlabelledError: it has no such field.
-    """
-    offsets = [field.offset for field in cloud.fields if field.name == "label"]
-    if not offsets:
-        raise UnlabelledError("the bag's clouds have no labels; replay with --topics standard for seg clouds")
-    step, data = cloud.point_step, bytes(cloud.data)
-    kept = data[offsets[0] :: step].translate(bytes(value not in labels for value in range(256)))
-    runs = [run.span() for run in _KEPT_RUN.finditer(kept)]
-    cloud.data = b"".join(data[first * step : end * step] for first, end in runs)
-    cloud.height, cloud.width = 1, len(cloud.data) // step
-    cloud.row_step = len(cloud.data)

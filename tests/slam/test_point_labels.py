@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from recorder.slam.ros1.feeding import UnlabelledError, without_labels
+from recorder.slam.ros1.point_labels import UnlabelledError, without_labels
 
 POINT = np.dtype([("x", "<f4"), ("label", "u1"), ("id", "<u4")])
 

@@ -8,17 +8,9 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from shared_fixtures.drives.episodes import SIGNALS, frame_of, row_of
 
-from recorder.episode.messages import (
-    ACTORS,
-    EGO,
-    EVENT,
-    EgoRow,
-    RecordType,
-    actor_states,
-    pack_actors,
-    pack_ego,
-    unpack_actors,
-)
+from recorder.episode.actor_messages import ACTORS, actor_states, pack_actors, unpack_actors
+from recorder.episode.ego_messages import EGO, EVENT, EgoRow, pack_ego
+from recorder.episode.record_types import RecordType
 
 KINDS = (
     "bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64",
