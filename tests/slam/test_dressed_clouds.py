@@ -26,16 +26,9 @@ LIBRARIES = {"kiss_icp": "kiss_icp", "gicp": "small_gicp"}
 """Modules of methods; GenZ-ICP gives other poses for the same clouds each time."""
 DRESSINGS = {
     "velodyne": Dressing(),
-    "ouster, organised": Dressing(time=("t", "u4"), unit_ns=1, height=16, pad=20, ring=("ring", "u1")),
     "hesai": Dressing(time=("timestamp", "f8"), zero_ns=0, ring=("ring", "u2")),
-    "robosense, padded rows": Dressing(time=("timestamp", "f8"), zero_ns=0, height=4, row_pad=7),
-    "livox, as points": Dressing(time=("timestamp", "f8"), zero_ns=0, unit_ns=1, ring=("line", "u1")),
-    "double coordinates": Dressing(xyz="f8", ring=("ring", "f4")),
-    "whole nanoseconds": Dressing(time=("offset_time", "u4"), unit_ns=1, ring=("channel", "i4")),
     "microseconds": Dressing(time=("time", "f4"), unit_ns=1000, ring=None),
     "stamped at the end": Dressing(header_ns=END),
-    "stamped in the middle": Dressing(header_ns=END // 2, time=("time_offset", "i4"), unit_ns=1),
-    "big-endian": Dressing(order=">", time=("time_stamp", "f8")),
     "rays without return": Dressing(no_return=True),
 }
 """Ways in which drivers put points into messages."""

@@ -88,18 +88,6 @@ def test_a_truncated_cache_is_built_again(folder: Path, tmp_path: Path, share: f
     assert load(stored) is not None
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.long
-def test_a_flipped_bit_in_the_cache_is_noticed(folder: Path, tmp_path: Path, kind: str) -> None:
-    first = load_town(folder, cache_dir=tmp_path / "cache")
-    (stored,) = (tmp_path / "cache").glob(f"*.{kind}")
-    content = bytearray(stored.read_bytes())
-    content[len(content) // 2] ^= 0x40
-    stored.write_bytes(content)
-    assert load(stored) is None
-    assert _bytes(load_town(folder, cache_dir=tmp_path / "cache")) == _bytes(first)
-
-
 def test_what_is_odd_about_a_map_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """A map in absolute coordinates is moved, in a line; what is odd below is counted in another."""
     reference = "<geoReference>EPSG:32632</geoReference>"

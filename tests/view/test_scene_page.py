@@ -123,13 +123,3 @@ def test_half_a_minute_fits_in_an_attachment(tmp_path: Path) -> None:
     jpeg = jpeg_of(street, PICTURE_WIDTH_PX, JPEG_QUALITY)
     page.add_pictures((k * 200_000_000, jpeg + bytes(rng.integers(0, 256, 64))) for k in range(150))
     assert page.write(tmp_path / "noise.html").stat().st_size <= 25e6
-
-
-def test_a_page_has_its_suffix(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    for words in (
-        ["--html"],
-        ["--html", "--out", str(tmp_path / "a.rrd")],
-        ["--out", str(tmp_path / "a.html")],
-    ):
-        assert main(["view", "Town03", *words]) != 0
-        assert "--html --out scene.html" in capfd.readouterr().err

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.map.sources import known_towns
 from recorder.cli.commands.record import _chooses
 from recorder.cli.main import main, make_parser
@@ -78,13 +77,6 @@ def test_of_several_wheels_the_one_that_is_turned_is_taken(
         press(pygame.K_RETURN)
         assert screen.run().device == "wheel"
         assert screen.preferred == "0001:0001"
-
-
-@pytest.mark.parametrize("event", ["QUIT", "KEYDOWN"])
-def test_escape_and_closing_end_it(window: Window, inputs: Inputs, event: str) -> None:
-    pygame.event.post(pygame.event.Event(getattr(pygame, event), key=pygame.K_ESCAPE))
-    with pytest.raises(DeviceError, match="nothing has been recorded"):
-        StartScreen(window, inputs, DriveChoice(device="keyboard", **FIRST)).run()
 
 
 @pytest.mark.parametrize(

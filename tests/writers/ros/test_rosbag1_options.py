@@ -90,14 +90,3 @@ def test_refusals(tmp_path: Path) -> None:
         writer.write(cloud(100, False))
         with pytest.raises(WriterError, match="order of their stamps"):
             writer.write(cloud(99, False))
-
-
-def test_failure_leaves_nothing_behind(tmp_path: Path) -> None:
-    def crash() -> None:
-        with Rosbag1Writer(tmp_path / "a.bag", Ros1Encoder(rig())) as writer:
-            writer.write(cloud(0, False))
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        crash()
-    assert list(tmp_path.iterdir()) == []

@@ -115,14 +115,6 @@ def test_events_survive(tmp_path: Path) -> None:
     ]
 
 
-def test_failure_leaves_nothing(tmp_path: Path) -> None:
-    writer = Rosbag2Writer(tmp_path / "bag", Ros2Encoder(rig()))
-    writer.open()
-    writer.write(drive()[0])
-    writer.abort()
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_unknown_storage_names_the_nearest(tmp_path: Path) -> None:
     with pytest.raises(WriterError, match="did you mean 'sqlite3'"):
         Rosbag2Writer(tmp_path / "bag", Ros2Encoder(rig()), storage="sqlite")
