@@ -15,7 +15,7 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Sensor
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 
 ACTORS_IN_RANGE = 50
 

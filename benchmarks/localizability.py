@@ -30,7 +30,7 @@ from carlaloc_env.sensors.lidar.scan_pattern import ScanPattern
 from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 
 REFERENCE = "Town03"
 FRACTION, LONGEST_M = 0.1, 100.0

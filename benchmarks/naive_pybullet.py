@@ -17,7 +17,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.scene.mesh import Mesh, merge
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 
 RAYS_PER_CALL = 16_383
 """`rayTestBatch` answers 16 384 rays and more with nothing at all, and without an error."""

@@ -8,7 +8,7 @@ from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
-from carlaloc_env.traffic.population import TrafficConfig
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from recorder.devices.registry import open_device
 
 TOWN = "Town03"

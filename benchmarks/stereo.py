@@ -17,11 +17,11 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.timeline.timeline import Snapshot
+from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.standing_traffic import standing_traffic
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 ACTORS = 60
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")

@@ -10,7 +10,7 @@ from traffic_audit import TrafficReport, audit_traffic
 
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.sources import find_town
-from carlaloc_env.traffic.population import TrafficConfig
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 
 PAPER_COUNTS = {
     "Town01": (102, 30),

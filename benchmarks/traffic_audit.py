@@ -12,10 +12,10 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.traffic.population import TrafficConfig
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.standing_traffic import TrafficTables
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficWorld
 

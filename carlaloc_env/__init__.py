@@ -14,6 +14,8 @@ __version__ = "0.1.0"
 
 TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10")
 """Towns that come with the package, each as `CarlaLoc-<town>-v0`."""
+__getattr__, _names = lazy_names(__name__, __file__)
+__all__ = [*_names, "TOWNS", "__version__"]
 
 
 def register_environments() -> None:
@@ -24,13 +26,10 @@ def register_environments() -> None:
     register(id="CarlaLoc-v0", entry_point=entry_point)
     for town in (*TOWNS, "Town10HD"):
         register(id=f"CarlaLoc-{town}-v0", entry_point=entry_point, kwargs={"map": town})
-    register(id="CarlaLoc-AnyTown-v0", entry_point="carlaloc_env.envs.carlaloc_env:AnyTownEnv")
+    register(id="CarlaLoc-AnyTown-v0", entry_point="carlaloc_env.envs.any_town_env:AnyTownEnv")
 
 
 register_environments()
 # A new process (spawn, forkserver) knows no environment of its parent, but unpickles the parent's `_config`:
 # the function in it imports this package there. Python without `_config` loses this alone.
 getattr(current_process(), "_config", {})["carlaloc_env"] = register_environments
-
-__getattr__, _names = lazy_names(__name__, __file__)
-__all__ = [*_names, "TOWNS", "__version__"]

@@ -15,11 +15,11 @@ from carlaloc_env.core.errors import OutputError as OutputError
 from carlaloc_env.core.errors import RaycastError as RaycastError
 from carlaloc_env.core.errors import RenderError as RenderError
 from carlaloc_env.core.errors import WriterError as WriterError
+from carlaloc_env.driving.driver_view import DriverView as DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld as DrivingWorld
-from carlaloc_env.driving.road_ahead import DriverView as DriverView
-from carlaloc_env.envs.carlaloc_env import AnyTownEnv as AnyTownEnv
+from carlaloc_env.envs.any_town_env import AnyTownEnv as AnyTownEnv
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv as CarlaLocEnv
-from carlaloc_env.envs.task.referee import TaskConfig as TaskConfig
+from carlaloc_env.envs.task.task_config import TaskConfig as TaskConfig
 from carlaloc_env.map.sources import TownId as TownId
 from carlaloc_env.map.sources import identify_town as identify_town
 from carlaloc_env.map.sources import known_towns as known_towns
@@ -52,17 +52,17 @@ from carlaloc_env.sensors.ranging_config import RadarConfig as RadarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS as SENSOR_KINDS
 from carlaloc_env.sensors.vehicle import SpeedConfig as SpeedConfig
 from carlaloc_env.sensors.vehicle import WheelsConfig as WheelsConfig
-from carlaloc_env.timeline.ego_spline import Motion as Motion
-from carlaloc_env.timeline.timeline import ActorCatalog as ActorCatalog
-from carlaloc_env.timeline.timeline import ActorFrame as ActorFrame
-from carlaloc_env.timeline.timeline import Snapshot as Snapshot
+from carlaloc_env.timeline.actors import ActorCatalog as ActorCatalog
+from carlaloc_env.timeline.actors import ActorFrame as ActorFrame
+from carlaloc_env.timeline.motion import Motion as Motion
+from carlaloc_env.timeline.snapshot import Snapshot as Snapshot
 from carlaloc_env.timeline.timeline import Timeline as Timeline
 from carlaloc_env.town.build import load_town as load_town
 from carlaloc_env.town.town import Town as Town
-from carlaloc_env.traffic.population import TrafficConfig as TrafficConfig
-from carlaloc_env.traffic.population import traffic_of_town as traffic_of_town
+from carlaloc_env.traffic.traffic_config import TrafficConfig as TrafficConfig
+from carlaloc_env.traffic.traffic_config import traffic_of_town as traffic_of_town
 from carlaloc_env.weather.parameters import WeatherParameters as WeatherParameters
-from carlaloc_env.weather.parameters import weather_by_name as weather_by_name
+from carlaloc_env.weather.presets import weather_by_name as weather_by_name
 from carlaloc_env.weather.schedule import WeatherSchedule as WeatherSchedule
 
 __version__: str

@@ -22,7 +22,7 @@ from carlaloc_env.core.files.array_cache import cache_bound_bytes, cache_files, 
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,8 +145,9 @@ def _gpu(found: Sequence[str], *, is_used: bool) -> Finding:
 
 def _rays() -> tuple[bool, str]:
     from carlaloc_env.raycast import RayScene
+    from carlaloc_env.timeline.actors import empty_catalog
     from carlaloc_env.timeline.ego_spline import EgoTrack
-    from carlaloc_env.timeline.timeline import Timeline, empty_catalog
+    from carlaloc_env.timeline.timeline import Timeline
 
     scene = RayScene([_ground()], ModelLibrary({}))
     count = 66_496

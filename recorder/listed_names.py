@@ -20,7 +20,7 @@ def list_names(kind: str) -> dict[str, str]:
 
 
 def _weathers() -> dict[str, str]:
-    from carlaloc_env.weather.parameters import PRESETS
+    from carlaloc_env.weather.presets import PRESETS
 
     return {
         name: f"sun {w.sun_altitude_angle:g}° high, clouds {w.cloudiness:g} %, rain {w.precipitation:g} %, "

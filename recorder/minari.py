@@ -31,15 +31,16 @@ from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.envs.base_env import plain
 from carlaloc_env.envs.task.actions import action_kind
 from carlaloc_env.envs.task.agent_views import AgentView, agent_view, rig_of
-from carlaloc_env.envs.task.referee import Referee, TaskConfig
+from carlaloc_env.envs.task.referee import Referee
+from carlaloc_env.envs.task.task_config import TaskConfig
 from carlaloc_env.map.routing.route import Route
-from carlaloc_env.physics.actor_pool import Contact
+from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.timeline.actors import ActorFrame
 from carlaloc_env.town.town import Town, without_movables
-from carlaloc_env.traffic.population import TrafficConfig
-from carlaloc_env.traffic.signals import StopLines
+from carlaloc_env.traffic.stop_lines import StopLines
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.episode.episode import ControlLog, Episode
 from recorder.episode.episode_town import town_of

@@ -21,10 +21,11 @@ from carlaloc_env.core.transforms import rpy_to_quat
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
+from carlaloc_env.timeline.actors import empty_catalog, empty_frame
 from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 from recorder.drive.record import RecordConfig, record
 
 EVERY = ("rgb", "depth", "semantic", "events")

@@ -16,8 +16,8 @@ from scenario import SEED, TOWN
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.timeline.timeline import ActorCatalog
-from carlaloc_env.traffic.population import TrafficConfig
+from carlaloc_env.timeline.actors import ActorCatalog
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.devices.registry import open_device
 from recorder.drive.listeners import EpisodeListener

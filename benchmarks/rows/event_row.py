@@ -19,8 +19,9 @@ from carlaloc_env.sensors.event_camera.event_camera import EventCamera
 from carlaloc_env.sensors.event_camera.log_intensity import log_intensity
 from carlaloc_env.sensors.imaging.frame import Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
+from carlaloc_env.timeline.actors import empty_catalog, empty_frame
 from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
 
 SPEED_MPS = 12.0

@@ -19,7 +19,7 @@ from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.traffic.population import TrafficConfig
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from recorder.devices.registry import open_device
 
 ACTORS_IN_TOWN = 100

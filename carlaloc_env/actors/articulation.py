@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.catalog import GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
 from carlaloc_env.assets.model_library import vehicle
-from carlaloc_env.assets.vehicles.car_ends import LAMPS
-from carlaloc_env.assets.vehicles.wheels import VehicleParts
+from carlaloc_env.assets.vehicles.lit_lamps import LAMPS
+from carlaloc_env.assets.vehicles.vehicle_parts import VehicleParts
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 
 LOW_FROM_M = 30.0
 """Distance from the ego from which vehicles are drawn in few triangles and without turning wheels [m]."""
@@ -77,10 +77,10 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
     Raises:
         ConfigError: no actor has such a name.
     """
-    known = set(library.names)
-    heads = [_heads(name, library, known) for name in names]
+    models = set(library.names)
+    heads = [_heads(name, library, models) for name in names]
     whole, body, low, stand, low_stand = (np.array([h[k] for h in heads], dtype=np.intp) for k in range(5))
-    parts = [vehicle(name) if f"{name}/body" in known else None for name in names]
+    parts = [vehicle(name) if f"{name}/body" in models else None for name in names]
     wheels = [(f, w) for f, part in enumerate(parts) if part for w in part.wheels]
     plates = [(f, p) for f, part in enumerate(parts) if part for p in part.plates]
     tags = [VEHICLES[name].tag.name if name in VEHICLES else "" for name in names]
@@ -109,7 +109,7 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
         plate_facing=np.array([p.facing for _, p in plates]),
         plate_scale=np.array([p.width_m / 0.52 for _, p in plates]),
         lamps={
-            lamp: (_lamps(names, library, known, f"/{lamp}"), _lamps(names, library, known, f"/low/{lamp}"))
+            lamp: (_lamps(names, library, models, f"/{lamp}"), _lamps(names, library, models, f"/low/{lamp}"))
             for lamp in LAMPS
         },
     )
@@ -185,24 +185,24 @@ def steered_mesh(library: ModelLibrary, model: int, step: int) -> Mesh:
     return vehicle(name).steered(step * STEER_STEP_RAD, int(phase or 0))
 
 
-def _heads(name: str, library: ModelLibrary, known: set[str]) -> tuple[int, int, int, int, int]:
+def _heads(name: str, library: ModelLibrary, models: set[str]) -> tuple[int, int, int, int, int]:
     """Indices of whole, body, low, standing and low standing model."""
     if name in WALKERS:
         first, stand = library.index(f"{name}/00"), library.index(f"{name}/stand")
-        coarse = f"{name}/low/00" in known
+        coarse = f"{name}/low/00" in models
         low = library.index(f"{name}/low/00") if coarse else first
         return first, first, low, stand, library.index(f"{name}/low/stand") if coarse else stand
     if name in VEHICLES:
         whole = library.index(name)
-        body = library.index(f"{name}/body") if f"{name}/body" in known else whole
-        low = library.index(f"{name}/low") if f"{name}/low" in known else whole
+        body = library.index(f"{name}/body") if f"{name}/body" in models else whole
+        low = library.index(f"{name}/low") if f"{name}/low" in models else whole
         return whole, body, low, whole, low
     raise ConfigError(unknown_name("actor model", name, (*VEHICLES, *WALKERS)))
 
 
-def _lamps(names: tuple[str, ...], library: ModelLibrary, known: set[str], lamp: str) -> Index:
+def _lamps(names: tuple[str, ...], library: ModelLibrary, models: set[str], lamp: str) -> Index:
     """Index of a lamp's model for each family, 0 where there is none."""
-    return np.array([library.index(name + lamp) if name + lamp in known else 0 for name in names], np.intp)
+    return np.array([library.index(name + lamp) if name + lamp in models else 0 for name in names], np.intp)
 
 
 def _kind(parts: VehicleParts | None, mesh: Mesh) -> int:

@@ -17,22 +17,22 @@ from carlaloc_env.actors.articulation import (
     tables_of,
     walker_models,
 )
-from carlaloc_env.assets.catalog import EGO_TINT, plate_of
+from carlaloc_env.assets.catalog import EGO_TINT
+from carlaloc_env.assets.number_plates import plate_of
 from carlaloc_env.assets.vehicles.wheels import wheel_pose
 from carlaloc_env.core import elementary
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scene.signal_lenses import SignalLenses
-from carlaloc_env.timeline.timeline import (
+from carlaloc_env.timeline.actors import (
     LIGHT_BRAKE,
     LIGHT_LEFT,
     LIGHT_REVERSE,
     LIGHT_RIGHT,
     ActorCatalog,
     ActorFrame,
-    Snapshot,
-    is_blink,
 )
+from carlaloc_env.timeline.snapshot import Snapshot, is_blink
 
 UNLIT_EGO_INSTANCE = (1 << 24) - 1
 """Instance id of an ego with its headlamps off: the renderer gives low beams to the ego's own id."""

@@ -1,20 +1,12 @@
-"""Which vehicles and walkers exist: names, sizes, colours, and how often each is seen.
-
-Texts of the vehicles' number plates, and the place of each in the texture `Material.PLATE`.
-"""
+"""Vehicles and walkers of the catalogue: names, sizes, colours, and how often each is seen."""
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from carlaloc_env.assets.texture_atlas import Rect
-from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import Colour
 from carlaloc_env.scene.semantic_tags import Tag
 
 Tints = tuple[tuple[Colour, float], ...]
 """Linear tints with their fractions of a fleet."""
-
 FLEET_TINTS: Tints = (
     ((232, 232, 226), 0.30),
     ((9, 9, 10), 0.20),
@@ -27,7 +19,6 @@ FLEET_TINTS: Tints = (
     ((190, 60, 6), 0.01),
 )
 """Linear paint colours with their share of the fleet: white, black, grey, silver, blue, red, other."""
-
 CARGO_TINTS: Tints = (
     ((232, 232, 226), 0.7),
     ((142, 144, 146), 0.15),
@@ -51,6 +42,12 @@ CLOTH_TINTS: Tints = (
     ((92, 40, 96), 0.04),
 )
 """Linear colours of a walker's upper clothes with their shares."""
+GAIT_PHASES = 48
+"""Number of postures in which a stride is stored."""
+LOW_GAIT_PHASES = 16
+"""The same for walkers far away."""
+EGO_TINT: Colour = (10, 11, 12)
+"""Linear tint of the ego's dark grey paint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,45 +121,3 @@ _WALKERS = (
 )
 WALKERS = {model.name: model for model in _WALKERS}
 """All walkers by name."""
-
-GAIT_PHASES = 48
-"""Number of postures in which a stride is stored."""
-LOW_GAIT_PHASES = 16
-"""The same for walkers far away."""
-EGO_TINT: Colour = (10, 11, 12)
-"""Linear tint of the ego's dark grey paint."""
-
-
-PLATE_COLUMNS, PLATE_ROWS = 4, 16
-"""Cells of the texture, each four times as wide as high; plate 0 lies at the lower left."""
-PLATES = PLATE_COLUMNS * PLATE_ROWS
-"""Number of different plates."""
-PLATE_SIZE_M = (0.52, 0.115)
-"""Width and height of a car's plate [m]."""
-
-_LETTERS = "ABCDEFGHJKLMNPRSTUVWXYZ"
-_TOWNS = ("CL", "LO", "CA", "MK", "TB", "RW", "PX", "HN")
-_MARGIN = 1.0 / 48.0
-
-
-def plate_text(index: int) -> str:
-    """Letters and digits of a plate; no two of the `PLATES` plates read alike."""
-    k = index % PLATES
-    # Steps that share no factor with what they are counted in visit every value once.
-    first, second = _LETTERS[(7 * k + 3) % 23], _LETTERS[(11 * k + 5 * (k // 23)) % 23]
-    return f"{_TOWNS[k % len(_TOWNS)]} {first}{second} {100 + (k * 353 + 47) % 900}"
-
-
-def plate_of(actor_id: np.ndarray) -> np.ndarray:
-    """Which of the plates each actor wears, by its instance id, shape (N,)."""
-    mixed = actor_id.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
-    return (mixed >> np.uint64(40)).astype(np.int64) % PLATES
-
-
-def plate_uv(index: int) -> Rect:
-    """Texture rectangle (u0, v0, u1, v1) of a plate [m], v upwards."""
-    row, column = divmod(index % PLATES, PLATE_COLUMNS)
-    tile = MATERIALS[Material.PLATE].tile_m
-    width, height = tile / PLATE_COLUMNS, tile / PLATE_ROWS
-    edge = _MARGIN * height
-    return column * width + edge, row * height + edge, (column + 1) * width - edge, (row + 1) * height - edge

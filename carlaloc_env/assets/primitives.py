@@ -36,8 +36,8 @@ def crease(mesh: Mesh, crease_deg: float) -> Mesh:
     key = (corner << 33) + _packed(np.round(normals * 500).astype(np.int64), 11)
     _, first, index = np.unique(key, return_index=True, return_inverse=True)
     taken = corner[first]
-    found = mesh.taking(taken, index.reshape(-1, 3).astype(np.uint32))
-    return replace(found, normals=normals[first].astype(np.float32))
+    welded = mesh.taking(taken, index.reshape(-1, 3).astype(np.uint32))
+    return replace(welded, normals=normals[first].astype(np.float32))
 
 
 def _packed(rows: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
@@ -124,10 +124,10 @@ _BOX_SIGNS, _BOX_UV, _BOX_TRIANGLES, _BOX_NORMALS = _box_tables()
 def box(look: Look, size_m: ArrayLike, centre_m: ArrayLike = (0.0, 0.0, 0.0)) -> Mesh:
     """Axis-aligned box of 12 triangles with sharp edges."""
     half = 0.5 * np.asarray(size_m, dtype=np.float64)
-    corners = _BOX_SIGNS * half
+    welded = _BOX_SIGNS * half
     # Pictures lie along each face: seen from a side upright, on top and bottom along x and y.
-    uv = np.take_along_axis(corners + half, _BOX_UV, axis=1)
-    return look.mesh(corners + np.asarray(centre_m, dtype=np.float64), _BOX_TRIANGLES, uv, _BOX_NORMALS)
+    uv = np.take_along_axis(welded + half, _BOX_UV, axis=1)
+    return look.mesh(welded + np.asarray(centre_m, dtype=np.float64), _BOX_TRIANGLES, uv, _BOX_NORMALS)
 
 
 def quad(look: Look, corners_m: ArrayLike, uv_m: ArrayLike | None = None) -> Mesh:

@@ -21,8 +21,8 @@ def usable_cores(root: Path = Path("/")) -> tuple[int, ...]:
         root: Folder of the system's files.
     """
     affinity = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
-    found = tuple(sorted(affinity(0)))
-    return found[: max(math.ceil(min(_granted(root), len(found))), 1)]
+    cores = tuple(sorted(affinity(0)))
+    return cores[: max(math.ceil(min(_granted(root), len(cores))), 1)]
 
 
 @functools.cache
@@ -59,7 +59,7 @@ def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BA
     threads = min(len(usable_cores()), len(bands), 8)
     if threads <= 1:
         return [function(*band) for band in bands]
-    found: dict[int, R] = {}
+    results: dict[int, R] = {}
     failed: list[BaseException] = []
     pending = iter(range(len(bands)))
 
@@ -67,7 +67,7 @@ def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BA
         # Threads of its own that each take the next band cost a tenth of an executor's.
         try:
             for number in pending:
-                found[number] = function(*bands[number])
+                results[number] = function(*bands[number])
         except BaseException as error:
             failed.append(error)
 
@@ -79,4 +79,4 @@ def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BA
         helper.join()
     if failed:
         raise failed[0]
-    return [found[number] for number in range(len(bands))]
+    return [results[number] for number in range(len(bands))]

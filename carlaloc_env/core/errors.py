@@ -70,15 +70,15 @@ class MissingDependencyError(CarlaLocError):
     """An optional library is not installed; the message holds the install line."""
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
+def unknown_name(kind: str, name: str, valid: Iterable[str]) -> str:
     """One line for an unknown name: the nearest valid one first, then all of them.
 
     Args:
         kind: What the name stands for, e.g. ``"town"``.
         name: What the user typed.
-        known: All valid names.
+        valid: All valid names.
     """
-    names = sorted(known)
+    names = sorted(valid)
     lowered = {n.lower(): n for n in names}
     near = difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.5)
     hint = f"; did you mean '{lowered[near[0]]}'?" if near else "."

@@ -15,19 +15,21 @@ from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
 from carlaloc_env.core.ego import DEFAULT_RIDE, EGO_REAR_M, EGO_SIZE_M, Controls
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.driving.road_ahead import DriverView, RoadAhead
+from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.map.routing.route import Route
-from carlaloc_env.physics.actor_pool import Contact
+from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoCar, EgoState
 from carlaloc_env.physics.params import ride_by_name
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road.rough_surface import STANDARD_WAVINESS
 from carlaloc_env.timeline.actor_quantisation import on_grid
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town, without_movables
-from carlaloc_env.traffic.population import TrafficConfig
-from carlaloc_env.traffic.signals import StopLines
 from carlaloc_env.traffic.standing_traffic import kept_tables
+from carlaloc_env.traffic.stop_lines import StopLines
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficWorld
 

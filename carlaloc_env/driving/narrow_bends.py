@@ -8,7 +8,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.map.routing.route import RoutePose
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 
 _RANGE_M = 45.0
 """Distance within which bends are looked for [m]."""
@@ -70,8 +70,8 @@ def narrow_bend_m(
     speed = actors.speed_mps[index]
     goes = (speed > STANDING_MPS) | (speed_mps > STANDING_MPS)
     meets = goes & (first > 0) & (goes_m > speed * enters_s) & (comes_m < speed * leaves_s)
-    way_m = ahead_m[first] - np.where(inward[np.arange(len(first)), first] < 0.0, 0.0, EGO_FRONT_M)
-    return float(np.min(way_m[meets & (way_m > 0.0)], initial=np.inf))
+    distance_m = ahead_m[first] - np.where(inward[np.arange(len(first)), first] < 0.0, 0.0, EGO_FRONT_M)
+    return float(np.min(distance_m[meets & (distance_m > 0.0)], initial=np.inf))
 
 
 def _oncoming(

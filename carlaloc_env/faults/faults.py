@@ -10,8 +10,16 @@ from typing import Any
 from carlaloc_env.core.clock import TICK_NS, Schedule
 from carlaloc_env.core.errors import ConfigError, is_name, unknown_name
 from carlaloc_env.core.files.config_files import from_mapping
-from carlaloc_env.faults.fields import PREFIX, Draws, MountedFaults, TimingFaults, active, quantities
-from carlaloc_env.faults.sensors import CameraFaults, GnssFaults, ImuFaults, LidarFaults, WheelFaults
+from carlaloc_env.faults.cameras import CameraFaults
+from carlaloc_env.faults.fields import active, quantities
+from carlaloc_env.faults.lidars import LidarFaults
+from carlaloc_env.faults.navigation import GnssFaults, ImuFaults, WheelFaults
+from carlaloc_env.faults.timing import (
+    PREFIX,
+    Draws,
+    MountedFaults,
+    TimingFaults,
+)
 from carlaloc_env.samples import Events, Sample
 from carlaloc_env.sensors.base import SensorConfig
 
@@ -49,13 +57,13 @@ class Faults:
         """
         if not isinstance(document, Mapping):
             raise ConfigError(f"{where}: expected sensors, such as {{lidar: {{time_offset_ms: 30}}}}")
-        found = []
+        sensors = []
         for target, values in document.items():
             kind, _, name = str(target).partition(".")
             if kind not in KINDS or (name and not is_name(name)):
                 raise ConfigError(f"{where}: {unknown_name('sensor with faults', str(target), KINDS)}")
-            found.append((str(target), from_mapping(KINDS[kind], values, f"{where}: {target}")))
-        return cls(sensors=tuple(found))
+            sensors.append((str(target), from_mapping(KINDS[kind], values, f"{where}: {target}")))
+        return cls(sensors=tuple(sensors))
 
     @classmethod
     def parse(cls, words: Iterable[str]) -> Faults:
@@ -81,8 +89,8 @@ class Faults:
     def to_mapping(self) -> dict[str, dict[str, float]]:
         """Values that are not neutral or default, by sensor."""
         return {
-            target: {name: value for name, known in quantities(type(faults)).items()
-                     if (value := getattr(faults, name)) != known.neutral}
+            target: {name: value for name, quantity in quantities(type(faults)).items()
+                     if (value := getattr(faults, name)) != quantity.neutral}
             for target, faults in self.sensors
         }  # fmt: skip
 
@@ -106,10 +114,10 @@ class Faults:
 
     def of(self, config: SensorConfig) -> tuple[str, TimingFaults] | None:
         """What a sensor's faults were given for, and the faults; None: it has none."""
-        known = dict(self.sensors)
+        faults = dict(self.sensors)
         for target in (f"{config.kind}.{config.name}", config.kind):
-            if target in known:
-                return target, known[target]
+            if target in faults:
+                return target, faults[target]
         return None
 
     def only(self, configs: Iterable[SensorConfig]) -> Faults:
@@ -137,8 +145,8 @@ class Faults:
 
     def believed(self, config: SensorConfig) -> SensorConfig:
         """The configuration that calibration shows of a sensor."""
-        found = self.calibration.of(config)
-        return found[1].believed(config) if found else config
+        match = self.calibration.of(config)
+        return match[1].believed(config) if match else config
 
     def apply(self, sample: Sample, config: SensorConfig, seed: int) -> Sample | None:
         """A sample of a sensor as its faults leave it: itself where they change nothing; None: lost.
@@ -148,10 +156,10 @@ class Faults:
             config: The sensor.
             seed: Seed of the noise.
         """
-        found = self.of(config)
-        if found is None or isinstance(sample, Events) or not found[1].acts_at(sample.stamp_ns):
+        match = self.of(config)
+        if match is None or isinstance(sample, Events) or not match[1].acts_at(sample.stamp_ns):
             return sample
-        faults, draws = found[1], _draws(found[0], config, seed)
+        faults, draws = match[1], _draws(match[0], config, seed)
         stamp_ns = faults.faulty_stamp_ns(sample.stamp_ns, draws)
         if stamp_ns is None:
             return None
@@ -161,11 +169,11 @@ class Faults:
 
     def stamps_ns(self, stamps_ns: Iterable[int], config: SensorConfig, seed: int) -> list[int | None]:
         """Stamps that the samples of a sensor get [ns]; None: the sample is lost."""
-        found = self.of(config)
-        if found is None:
+        match = self.of(config)
+        if match is None:
             return list(stamps_ns)
-        draws = _draws(found[0], config, seed)
-        faults = found[1]
+        draws = _draws(match[0], config, seed)
+        faults = match[1]
         return [faults.faulty_stamp_ns(at, draws) if faults.acts_at(at) else at for at in stamps_ns]
 
 
@@ -189,7 +197,7 @@ def fault_quantity(path: str) -> Any:
     kind = target.partition(".")[0]
     if kind not in KINDS:
         raise ConfigError(unknown_name("sensor with faults", target or path, KINDS))
-    known = quantities(KINDS[kind])
-    if name not in known:
-        raise ConfigError(unknown_name(f"fault of {kind}", name, known))
-    return known[name]
+    quantity_of = quantities(KINDS[kind])
+    if name not in quantity_of:
+        raise ConfigError(unknown_name(f"fault of {kind}", name, quantity_of))
+    return quantity_of[name]

@@ -1,22 +1,6 @@
-"""Nearby actors as kinematic boxes, and what the ego touched of all that stands.
+"""Nearby actors as kinematic boxes, lent from a pool: a body per actor would cost every tick."""
 
-Nearby actors as kinematic boxes, lent from a pool: a body per actor would cost every tick.
-
-PyBullet, imported without the line that it prints; all modules of this package take it from here.
-
-What the ego's body touched.
-"""
-
-import ctypes
 import itertools
-import os
-import sys
-import tempfile
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,54 +9,8 @@ from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.clock import STEP_NS, TICK_S
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, came_in_elsewhere
-
-__all__ = ["pybullet"]
-
-_BANNER = b"pybullet build time"
-
-
-@contextmanager
-def _without_banner(descriptor: int) -> Iterator[None]:
-    """Leave PyBullet's line out of what is written to standard output (1) or error (2).
-
-    C code writes it, so that Python's own redirection does not help. All else is passed on.
-    """
-    try:
-        kept = os.dup(descriptor)
-    except OSError:
-        yield  # it is closed: the line is lost anyway
-        return
-    with tempfile.TemporaryFile() as caught:
-        _flush()
-        os.dup2(caught.fileno(), descriptor)
-        try:
-            yield
-        finally:
-            _flush()
-            os.dup2(kept, descriptor)
-            os.close(kept)
-            caught.seek(0)
-            _write(descriptor, b"".join(line for line in caught if not line.startswith(_BANNER)))
-
-
-def _flush() -> None:
-    """Empty Python's buffers, and C's, of which Python knows nothing."""
-    for stream in (sys.stdout, sys.stderr):
-        if stream is not None:
-            stream.flush()
-    ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)
-
-
-def _write(descriptor: int, content: bytes) -> None:
-    while content:
-        content = content[os.write(descriptor, content) :]
-
-
-with _without_banner(1), _without_banner(2):
-    pybullet: Any = import_module("pybullet")
-    """The module."""
-
+from carlaloc_env.physics.bullet import pybullet
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame, came_in_elsewhere
 
 MAX_BOXES = 32
 """Actors that exist in the collision world at once."""
@@ -83,7 +21,6 @@ _MAX_BODIES = 64
 """Bodies that are made at most; boxes of one size are used again."""
 _PARKED_M = -1000.0
 """Height at which unused bodies wait [m]."""
-
 _Size = tuple[float, float, float]
 """Length, width, height [m]."""
 
@@ -241,49 +178,3 @@ def _velocities(frame: ActorFrame, near: Index, as_now_mps: Array, following: Ac
     away = came_in_elsewhere(change, following.heading_rad[near] - frame.heading_rad[near])
     # An actor that comes in elsewhere passes no place in between.
     return np.where(away[:, None], as_now_mps, change.astype(np.float64) / (STEP_NS * 1e-9))
-
-
-Vector3 = tuple[float, float, float]
-"""x, y, z."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Contact:
-    """One thing that the ego's body touched since the last query."""
-
-    actor_id: int | None
-    """Instance id of the actor, None for the static town."""
-    impulse_ns: float
-    """Sum of the normal impulses [N s]."""
-    position_m: Vector3
-    """Where the strongest impulse acted [m], world."""
-
-
-class ContactLog:
-    """Adds up PyBullet's contact points per thing touched until they are read."""
-
-    def __init__(self) -> None:
-        self._touched: dict[int | None, tuple[float, float, Vector3]] = {}
-
-    def add(self, points: Iterable[Any], actor_of: Callable[[int], int | None]) -> None:
-        """Take in the contact points of one tick; `actor_of` names the actor of a body."""
-        for point in points:
-            impulse = point[9] * TICK_S
-            if impulse <= 0.0:
-                continue
-            actor = actor_of(point[2])
-            total, hardest, where = self._touched.get(actor, (0.0, 0.0, point[5]))
-            if impulse > hardest:
-                hardest, where = impulse, point[5]
-            self._touched[actor] = (total + impulse, hardest, where)
-
-    def take(self) -> list[Contact]:
-        """All contacts since the last call, hardest first."""
-        if not self._touched:
-            return []
-        found = [
-            Contact(actor_id=actor, impulse_ns=total, position_m=where)
-            for actor, (total, _, where) in self._touched.items()
-        ]
-        self._touched.clear()
-        return sorted(found, key=lambda contact: -contact.impulse_ns)

@@ -17,17 +17,17 @@ from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.elementary_kernels import arctan2, sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.jit import compiled, same_types
-from carlaloc_env.physics.actor_pool import Vector3, pybullet
-from carlaloc_env.physics.ground_heights import GroundTable, highest_below
-from carlaloc_env.physics.params import (
+from carlaloc_env.physics.bullet import pybullet
+from carlaloc_env.physics.car_tables import (
     Car,
     CarTables,
-    Pedals,
-    VehicleParams,
-    advance_drive,
     car_tables,
     settle,
 )
+from carlaloc_env.physics.contacts import Vector3
+from carlaloc_env.physics.drivetrain import Pedals, advance_drive
+from carlaloc_env.physics.ground_heights import GroundTable, highest_below
+from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.wheel import BodyMotion, advance_wheels
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road.road_profile import RoughTable, no_roughness
@@ -286,8 +286,8 @@ class EgoCar:
         """Pose of `base_link` whose four wheels touch the road."""
         p = self._params
         s, c = sin_cos(heading_rad)
-        feet = [(w["x"] + p.cog_x_m, w["y"]) for w in self._wheels]
-        ground = [(wanted_m[0] + c * x - s * y, wanted_m[1] + s * x + c * y) for x, y in feet]
+        base_points = [(w["x"] + p.cog_x_m, w["y"]) for w in self._wheels]
+        ground = [(wanted_m[0] + c * x - s * y, wanted_m[1] + s * x + c * y) for x, y in base_points]
         low_m = float(wanted_m[2]) - 4.0
         # On slopes of 1 in 1 the front wheels stand higher; what hangs over roads leaves 4.5 m free.
         for above_m in (2.0, 4.4):

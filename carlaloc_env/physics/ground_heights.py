@@ -1,8 +1,7 @@
 """Heights of a mesh under points: triangles sorted into squares, asked by compiled functions.
 
-A wheel needs no general ray test: its rays are upright, and what they meet is a triangle over a point.
-
-Ground tables kept on disk: sorting a town's triangles takes a twentieth of making an environment.
+A wheel's rays are upright, so they meet a triangle over a point and need no general ray test. Tables are kept
+on disk: sorting a town's triangles takes a twentieth of making an environment.
 """
 
 from typing import NamedTuple
@@ -24,6 +23,8 @@ _STEEPEST = 1e-6
 """Triangles that cover less than this share of their size from above are upright and carry nothing."""
 _EDGE = 1e-9
 """So far beyond its edges a triangle reaches, so that no point falls between two."""
+KEPT_FILES = 16
+"""Tables kept of all meshes: a town has one with and one without parked cars."""
 
 
 class Squares(NamedTuple):
@@ -144,10 +145,6 @@ def _highest(
         if height <= z <= high_m:
             best, height = number, z
     return best, height
-
-
-KEPT_FILES = 16
-"""Tables kept of all meshes: a town has one with and one without parked cars."""
 
 
 def kept_ground(vertices_m: NDArray[np.float64], triangles: NDArray[np.int64]) -> GroundTable:

@@ -1,21 +1,10 @@
-"""Numbers of the ego car: an electric saloon of 4.7 × 1.85 × 1.45 m with rear drive.
-
-Wheels, car and drive as records that compiled functions read and write.
-
-From steering wheel and pedals to the wheels: steering, motor, regeneration, brakes, handbrake.
-"""
+"""Numbers of the ego car: an electric saloon of 4.7 × 1.85 × 1.45 m with rear drive."""
 
 import math
 from dataclasses import dataclass
-from math import sqrt
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
-from carlaloc_env.core.array_types import GRAVITY_MPS2, Array
-from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.array_types import GRAVITY_MPS2
 from carlaloc_env.core.ego import (
     DEFAULT_RIDE,
     EGO_FRONT_M,
@@ -28,7 +17,6 @@ from carlaloc_env.core.ego import (
     EGO_WHEELBASE_M,
 )
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.jit import compiled
 from carlaloc_env.road.rough_surface import STANDARD_WAVINESS
 
 
@@ -223,159 +211,3 @@ def ride_by_name(name: str) -> Ride:
     if name not in RIDES:
         raise ConfigError(unknown_name("ride", name, RIDES))
     return RIDES[name]
-
-
-_FIXED = (
-    "x", "y", "radius_m", "hub_z", "preload_n", "unsprung_kg", "spring_npm", "damper_nspm", "compliance",
-)  # fmt: skip
-"""Of a wheel, for ever: its place about the centre of mass [m], rolling radius, height of its hub at rest
-[m], spring's force at rest, unsprung mass, rates of spring and damper, factor on its cornering stiffness."""
-_STATE = (
-    "travel_m", "speed_z", "spin_radps", "load_n", "on_road", "height_m", "normal_x", "normal_y", "normal_z",
-    "hub_x", "hub_y", "hub_z_world", "shear_long_m", "shear_lat_m", "force_long_n", "force_lat_n",
-    "force_x", "force_y", "force_spring", "contact_z",
-)  # fmt: skip
-"""Of a wheel, from tick to tick: compression from rest [m], absolute speed of the hub along the body's z axis
-[m/s], spin [rad/s], force on the tyre [N], whether a road is known, its height [m] and normal, the hub in the
-world [m], the tyre's shear [m] and forces [N], forces on the body [N] and where they act along z [m]."""
-WHEEL = np.dtype([(name, np.float64) for name in (*_FIXED, *_STATE)])
-"""Record of one wheel; vectors in body axes about the centre of mass."""
-_OF_PARAMS = (
-    "mass_kg", "wheelbase_m", "track_m", "wheel_radius_m", "tyre_npm", "tyre_nspm", "bump_stop_m",
-    "rebound_stop_m", "stop_npm", "smoothing_m", "envelope_m", "brake_front", "slip_control", "mu_long",
-    "mu_lat", "mu_lat_fall", "load_ref_n", "rolling", "wheel_inertia_kgm2", "slip_stiffness", "cornering_n",
-    "cornering_load_n", "relaxation_long_m", "relaxation_lat_m", "standstill_nspm", "cog_x_m", "cog_z_m",
-    "drag_area_m2", "air_kgpm3", "power_w", "efficiency", "drive_force_n", "reverse_force_n",
-    "reverse_speed_mps", "drive_lag_s", "regeneration_mps2", "regeneration_fade_mps", "brake_mps2",
-    "brake_lag_s", "handbrake_nm", "steer_max_rad", "steering_ratio", "wheel_rate_radps",
-)  # fmt: skip
-CAR = np.dtype([(name, np.float64) for name in (*_OF_PARAMS, "sprung_kg", "bar_front", "bar_rear", "drop_m")])
-"""Record of the car: numbers of `VehicleParams`, rates of the anti-roll bars, and how much lower the outer
-rays of a wheel's envelope meet a flat road [m]."""
-DRIVE = np.dtype([(name, np.float64) for name in ("steer_rad", "motor_n", "brake_n", "handbrake_nm", "mu")])
-"""Record of what steering, motor and brakes do to the wheels: angle of the front wheels of the single-track
-model, left positive [rad], force of the motor at the rear wheels, > 0 forwards [N], force that the brakes of
-all wheels ask for together [N], handbrake torque on each rear wheel [N m], factor on the friction."""
-
-Wheels = NDArray[Any]
-"""Four records of `WHEEL`: front left, front right, rear left, rear right."""
-Car = NDArray[Any]
-"""One record of `CAR`, shape (1,)."""
-PLACES = 3
-"""Places below a wheel at which the road is looked for: rear, centre, front."""
-
-
-class CarTables(NamedTuple):
-    """The car for compiled functions."""
-
-    car: Car
-    """Its numbers."""
-    wheels: Wheels
-    """Its wheels."""
-    drive: NDArray[Any]
-    """One record of `DRIVE`, shape (1,)."""
-    hits: Array
-    """Room for what is found under the wheels, shape (4, PLACES, 5)."""
-    push: Array
-    """Force [N] and torque [N m] on the body, body axes, shape (6,)."""
-
-
-def car_tables(p: VehicleParams) -> CarTables:
-    """The car at rest on flat ground."""
-    return CarTables(
-        _car_record(p), _wheel_table(p), np.zeros(1, DRIVE), np.zeros((4, PLACES, 5)), np.zeros(6)
-    )
-
-
-def _wheel_table(p: VehicleParams) -> Wheels:
-    """The four wheels at rest on flat ground."""
-    wheels = np.zeros(4, WHEEL)
-    for wheel, (axle, side) in zip(wheels, ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)), strict=True):
-        load = p.static_load_n[axle]
-        wheel["x"] = (0.0 if axle else p.wheelbase_m) - p.cog_x_m
-        wheel["y"] = 0.5 * p.track_m * side
-        wheel["radius_m"] = p.wheel_radius_m - load / p.tyre_npm
-        wheel["hub_z"] = wheel["radius_m"] - p.cog_z_m
-        # Unsprung mass in proportion to the load keeps the sprung mass's centre at the car's centre.
-        wheel["preload_n"] = load * p.sprung_kg / p.mass_kg
-        wheel["unsprung_kg"] = (load - wheel["preload_n"]) / GRAVITY_MPS2
-        wheel["spring_npm"], wheel["damper_nspm"] = p.spring_npm[axle], p.damper_nspm[axle]
-        wheel["compliance"] = 1.0 if axle else p.front_compliance
-    settle(wheels)
-    return wheels
-
-
-def settle(wheels: Wheels) -> None:
-    """Set the wheels to their state at rest on flat ground."""
-    for name in _STATE:
-        wheels[name] = 0.0
-    wheels["load_n"] = wheels["preload_n"]
-    wheels["normal_z"] = 1.0
-
-
-def _car_record(p: VehicleParams) -> Car:
-    """The car."""
-    car = np.zeros(1, CAR)
-    for name in _OF_PARAMS:
-        car[name] = getattr(p, name)
-    car["sprung_kg"] = p.sprung_kg
-    car["bar_front"], car["bar_rear"] = p.anti_roll_npm
-    car["drop_m"] = p.wheel_radius_m - sqrt(p.wheel_radius_m**2 - p.envelope_m**2)
-    return car
-
-
-Pedals = tuple[float, float, float, bool, bool]
-"""Steering, throttle, brake, reverse and handbrake, as in `Controls`."""
-
-
-def motor_force_n(params: Any, throttle: float, speed_mps: float, reverse: bool = False) -> float:
-    """Steady motor force at the wheels [N] for a pedal position 0–1 and a forward speed [m/s].
-
-    Released pedals regenerate: the motor force runs from full drive to full regeneration over the
-    throttle's travel, so a steady speed needs about a quarter of it, as in electric cars.
-
-    `params` are `VehicleParams`, or a record of `CAR`.
-    """
-    p = params
-    along = -speed_mps if reverse else speed_mps
-    if reverse:
-        limit = p.reverse_force_n * min(1.0, max(0.0, 0.5 * (p.reverse_speed_mps - along)))
-    else:
-        limit = p.drive_force_n
-    limit = min(limit, p.power_w * p.efficiency / max(1.0, along))
-    fade = max(-1.0, min(1.0, along / p.regeneration_fade_mps))
-    force: float = throttle * limit - (1.0 - throttle) * fade * p.regeneration_mps2 * p.mass_kg
-    return -force if reverse else force
-
-
-_motor_force_n = compiled(motor_force_n)
-
-
-@compiled
-def advance_drive(drive: Any, car: Any, pedals: Pedals, friction: float, speed_mps: float) -> None:
-    """Advance steering, motor and brakes with their lags by one tick.
-
-    Args:
-        drive: Record of `DRIVE`.
-        car: Record of `CAR`.
-        pedals: What the driver does.
-        friction: Factor on the friction of the standing car, 1 = dry asphalt.
-        speed_mps: Forward speed [m/s].
-    """
-    steer, throttle, brake, reverse, handbrake = pedals
-    most = car.wheel_rate_radps / car.steering_ratio * TICK_S
-    drive.steer_rad += max(-most, min(most, steer * car.steer_max_rad - drive.steer_rad))
-    wanted = _motor_force_n(car, throttle, speed_mps, reverse)
-    drive.motor_n += (wanted - drive.motor_n) * TICK_S / car.drive_lag_s
-    asked = brake * car.brake_mps2 * car.mass_kg
-    drive.brake_n += (asked - drive.brake_n) * TICK_S / car.brake_lag_s
-    drive.handbrake_nm = car.handbrake_nm if handbrake else 0.0
-    drive.mu = _wet_at_speed(friction, speed_mps)
-
-
-@compiled
-def _wet_at_speed(mu_factor: float, speed_mps: float) -> float:
-    """Friction factor at a speed [m/s]: 0.75 in the wet falls to 0.6 at 100 km/h, dry stays dry."""
-    if mu_factor >= 1.0:
-        return mu_factor
-    return mu_factor * (1.0 - 0.8 * (1.0 - mu_factor) * min(1.0, abs(speed_mps) / 27.8))

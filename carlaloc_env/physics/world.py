@@ -13,10 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core.array_types import GRAVITY_MPS2
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.physics.actor_pool import ActorPool, Contact, ContactLog, Vector3, pybullet
+from carlaloc_env.physics.actor_pool import ActorPool
+from carlaloc_env.physics.bullet import pybullet
+from carlaloc_env.physics.contacts import Contact, ContactLog, Vector3
 from carlaloc_env.physics.ground_heights import kept_ground
 from carlaloc_env.road.road_profile import Roughness
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 
 GROUP_STATIC, GROUP_EGO, GROUP_ACTOR = 1, 2, 4
 """Collision groups; actors touch nothing but the ego."""

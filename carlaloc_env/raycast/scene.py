@@ -22,7 +22,9 @@ from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.raycast.surface import Surface, import_open3d
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.timeline import ActorFrame, Snapshot, Timeline
+from carlaloc_env.timeline.actors import ActorFrame
+from carlaloc_env.timeline.snapshot import Snapshot
+from carlaloc_env.timeline.timeline import Timeline
 
 Floats = Array | F32
 """Directions in double or single precision."""

@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.road.rough_surface import (
-    STANDARD_WAVINESS,
+from carlaloc_env.road.road_events import (
     EventTable,
-    RoughSurface,
-    WaveTable,
     event_height,
     event_table,
     no_events,
+)
+from carlaloc_env.road.rough_surface import (
+    STANDARD_WAVINESS,
+    RoughSurface,
+    WaveTable,
     wave_height,
 )
 
@@ -66,7 +68,6 @@ class LevelGrid:
     def __init__(self, low_m: tuple[float, float], cell_m: float, level: Array) -> None:
         self._low, self._cell = low_m, cell_m
         self._level = np.ascontiguousarray(level, dtype=np.float64)
-        self._last: tuple[float, float] = (len(level) - 1.001, len(level[0]) - 1.001)
 
     @property
     def table(self) -> LevelTable:
@@ -80,19 +81,9 @@ class LevelGrid:
 
     def levels(self, xy_m: Array) -> NDArray[np.float64]:
         """Level and its slopes [1/m] towards east and north at places (M, 2), shape (M, 3)."""
-        low, last = np.array(self._low), np.array(self._last)
-        # Lanes that are not finite are refused later, with their names.
-        w = np.nan_to_num((xy_m[:, :2] - low) / self._cell)
-        free = (w > 0.0) & (w < last)
-        w = np.clip(w, 0.0, last)
-        i, j = w.astype(np.int64).T
-        f, g = (w - np.floor(w)).T
-        z = self._level
-        a, b, c, d = z[i, j], z[i, j + 1], z[i + 1, j], z[i + 1, j + 1]
-        level = (1 - f) * ((1 - g) * a + g * b) + f * ((1 - g) * c + g * d)
-        east = ((1 - g) * (c - a) + g * (d - b)) / self._cell * free[:, 0]
-        north = ((1 - f) * (b - a) + f * (d - c)) / self._cell * free[:, 1]
-        return np.stack([level, east, north], axis=-1)
+        out = np.empty((len(xy_m), 3))
+        _put_levels(self.table, np.ascontiguousarray(xy_m[:, :2], dtype=np.float64), out)
+        return out
 
 
 class Relief:
@@ -149,8 +140,8 @@ class Roughness:
             blur_m=FOOTPRINT_M / math.sqrt(12.0),
             waviness=waviness,
         )
-        found = event_table(no_events() if events is None else events, FOOTPRINT_M)
-        self.table = RoughTable(level.table, surface.table, found)
+        events_table = event_table(no_events() if events is None else events, FOOTPRINT_M)
+        self.table = RoughTable(level.table, surface.table, events_table)
         """The same for compiled functions."""
 
     def of_waviness(self, waviness: float) -> Roughness:
@@ -170,20 +161,32 @@ def no_roughness() -> RoughTable:
 
 
 @compiled
-def level_at(table: LevelTable, x_m: float, y_m: float) -> float:
-    """Level at one place; the border's level outside the grid."""
+def _put_levels(table: LevelTable, xy_m: Array, out: Array) -> None:
+    """Write level and slopes at places (M, 2) to `out`, (M, 3)."""
+    for k in range(len(xy_m)):
+        out[k, 0], out[k, 1], out[k, 2] = level_and_slopes(table, xy_m[k, 0], xy_m[k, 1])
+
+
+@compiled
+def level_and_slopes(table: LevelTable, x_m: float, y_m: float) -> tuple[float, float, float]:
+    """Level and its slopes [1/m] towards east and north at one place; the border's level outside the grid."""
     level = table.level
-    u = min(max((x_m - table.low_m[0]) / table.cell_m, 0.0), len(level) - 1.001)
-    v = min(max((y_m - table.low_m[1]) / table.cell_m, 0.0), level.shape[1] - 1.001)
+    end_u, end_v = len(level) - 1.001, level.shape[1] - 1.001
+    u, v = (x_m - table.low_m[0]) / table.cell_m, (y_m - table.low_m[1]) / table.cell_m
+    free_u, free_v = 1.0 if 0.0 < u < end_u else 0.0, 1.0 if 0.0 < v < end_v else 0.0
+    # Lanes that are not finite are refused later, with their names.
+    u = min(max(u, 0.0), end_u) if u == u else 0.0
+    v = min(max(v, 0.0), end_v) if v == v else 0.0
     i, j = int(u), int(v)
     f, g = u - i, v - j
-    before = (1 - g) * level[i, j] + g * level[i, j + 1]
-    after = (1 - g) * level[i + 1, j] + g * level[i + 1, j + 1]
-    return float((1 - f) * before + f * after)
+    a, b, c, d = level[i, j], level[i, j + 1], level[i + 1, j], level[i + 1, j + 1]
+    east = ((1 - g) * (c - a) + g * (d - b)) / table.cell_m * free_u
+    north = ((1 - f) * (b - a) + f * (d - c)) / table.cell_m * free_v
+    return (1 - f) * ((1 - g) * a + g * b) + f * ((1 - g) * c + g * d), east, north
 
 
 @compiled
 def rough_height(table: RoughTable, x_m: float, y_m: float) -> float:
     """Height under a tyre at one place of the world [m]."""
-    waves = level_at(table.level, x_m, y_m) * wave_height(table.waves, x_m, y_m)
+    waves = level_and_slopes(table.level, x_m, y_m)[0] * wave_height(table.waves, x_m, y_m)
     return float(waves + event_height(table.events, x_m, y_m))

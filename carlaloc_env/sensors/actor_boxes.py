@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +13,6 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import Timeline
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -35,7 +35,8 @@ from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
 from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
-from carlaloc_env.timeline.timeline import Snapshot, Timeline
+from carlaloc_env.timeline.snapshot import Snapshot
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WIND_DIRECTION
 from carlaloc_env.weather.schedule import Weather
 

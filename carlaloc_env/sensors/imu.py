@@ -18,7 +18,7 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.stochastic_processes import Flicker, RandomWalk, WhiteSequence
-from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.timeline import Timeline
 
 ORIENTATIONS = ("none", "truth")

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from carlaloc_env.core.errors import ConfigError
-
-if TYPE_CHECKING:
-    pass
 
 SENSORS_MAX = 64
 """Most sensors of a rig."""

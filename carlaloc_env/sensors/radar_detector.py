@@ -19,7 +19,7 @@ from carlaloc_env.sensors.radar_equation import (
     snr_at,
 )
 from carlaloc_env.sensors.ranging_config import RadarConfig
-from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.weather.parameters import WeatherParameters
 
 THING, GHOST, CLUTTER = 0, 1, 2

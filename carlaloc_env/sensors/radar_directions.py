@@ -6,7 +6,7 @@ import numpy as np
 
 from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.motion import Motion
 
 
 def polar(local_m: Array) -> tuple[Array, Array, Array]:

@@ -30,7 +30,7 @@ from carlaloc_env.sensors.radar_directions import (
     polar,
 )
 from carlaloc_env.sensors.radar_equation import RadarEchoes
-from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:

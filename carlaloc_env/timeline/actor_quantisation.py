@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.timeline.actors import ActorFrame
 
 POSITION_STEP_M = 2.0**-11
 """Step of positions [m]."""

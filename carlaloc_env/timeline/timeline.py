@@ -1,142 +1,28 @@
-"""Where the ego, every actor and every traffic light were at any time: all that sensors may ask.
+"""Timeline: where the ego, every actor and every traffic light were at any time, for sensors.
 
 A live environment fills a short Timeline while it drives, a replay loads a whole one.
-
-One instant of a drive: all that cameras, the window and rays need to know of what moves.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.core.array_types import F32, Array
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
-from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame, came_in_elsewhere
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
 if TYPE_CHECKING:
-    from carlaloc_env.timeline.ego_spline import EgoTrack, Motion
+    from carlaloc_env.timeline.ego_spline import EgoTrack
+    from carlaloc_env.timeline.motion import Motion
 
-LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, LIGHT_LOW_BEAM, LIGHT_REVERSE = 1, 2, 4, 8, 16
-"""Bits of `ActorFrame.lights`."""
+
 _KEPT_MOTIONS = 3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ActorCatalog:
-    """The actors of a drive: fixed for all of it, parallel arrays of N actors."""
-
-    id: NDArray[np.uint32]
-    """Instance id of each actor, unique, ≥ 2**23, shape (N,)."""
-    model: tuple[str, ...]
-    """Name of each actor's model family in `assets`, e.g. ``saloon`` or ``walker_man``, length N."""
-    tag: NDArray[np.uint8]
-    """Semantic `Tag` of each actor, shape (N,)."""
-    size_m: F32
-    """Length, width, height of each actor's box [m], shape (N, 3)."""
-    tint: NDArray[np.uint8]
-    """Linear colour 0–255, shape (N, 3)."""
-
-    def __len__(self) -> int:
-        return len(self.id)
-
-    def take(self, index: NDArray[np.intp]) -> ActorCatalog:
-        """Catalogue of some of the actors."""
-        return ActorCatalog(
-            id=self.id[index],
-            model=tuple(self.model[i] for i in index),
-            tag=self.tag[index],
-            size_m=self.size_m[index],
-            tint=self.tint[index],
-        )
-
-
-def empty_catalog() -> ActorCatalog:
-    """Catalogue without actors."""
-    return ActorCatalog(
-        id=np.zeros(0, np.uint32),
-        model=(),
-        tag=np.zeros(0, np.uint8),
-        size_m=np.zeros((0, 3), np.float32),
-        tint=np.zeros((0, 3), np.uint8),
-    )
-
-
-JUMP_M = 4.0
-"""Nothing moves farther within a step [m]: 80 m/s."""
-_STRIDE_M = 1.0
-"""Nothing turns round within a step in which it moves farther [m]."""
-
-
-def came_in_elsewhere(change_m: ArrayLike, turn_rad: ArrayLike) -> NDArray[np.bool_]:
-    """Whether actors left the map within a step and came in elsewhere, with no place in between.
-
-    Args:
-        change_m: Change of position [m], shape (..., 3).
-        turn_rad: Change of heading [rad], shape (...).
-    """
-    far_m = np.abs(change_m).max(axis=-1, initial=0.0)
-    if not (far_m > _STRIDE_M).any():
-        return np.zeros(far_m.shape, dtype=np.bool_)
-    back = np.abs(wrap_angle(np.asarray(turn_rad, dtype=np.float64))) > 0.5 * np.pi
-    jumped: NDArray[np.bool_] = (far_m > JUMP_M) | ((far_m > _STRIDE_M) & back)
-    return jumped
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ActorFrame:
-    """State of all N actors at one instant, float32 so that live and recorded values are equal."""
-
-    position_m: F32
-    """Centre of each actor's box on the ground [m], world, shape (N, 3)."""
-    heading_rad: F32
-    """Direction the actor faces, anticlockwise from east [rad], shape (N,)."""
-    pitch_rad: F32
-    """Slope of the ground along the heading, nose up positive [rad], shape (N,)."""
-    speed_mps: F32
-    """Forward speed [m/s], shape (N,)."""
-    travelled_m: F32
-    """Distance covered since the drive began [m]; drives wheels and gait, shape (N,)."""
-    steer_rad: F32
-    """Angle of the front wheels, left positive [rad], shape (N,)."""
-    lights: NDArray[np.uint8]
-    """Bits of lit vehicle lights (`LIGHT_BRAKE` …), shape (N,)."""
-    roll_rad: F32 = field(default_factory=lambda: np.zeros(0, np.float32))
-    """Lean of the ground about the actor's long axis, left side up positive [rad], shape (N,); level when
-    left out."""
-
-    def __post_init__(self) -> None:
-        if not len(self.roll_rad):
-            object.__setattr__(self, "roll_rad", np.zeros_like(self.heading_rad))
-
-    def __len__(self) -> int:
-        return len(self.heading_rad)
-
-    def take(self, index: NDArray[np.intp]) -> ActorFrame:
-        """State of some of the actors."""
-        return ActorFrame(**{name: getattr(self, name)[index] for name in self.__slots__})
-
-
-def empty_frame() -> ActorFrame:
-    """State without actors."""
-    zero = np.zeros(0, np.float32)
-    return ActorFrame(
-        position_m=np.zeros((0, 3), np.float32),
-        heading_rad=zero,
-        pitch_rad=zero,
-        speed_mps=zero,
-        travelled_m=zero,
-        steer_rad=zero,
-        lights=np.zeros(0, np.uint8),
-    )
-
-
 _LINEAR = ("position_m", "pitch_rad", "speed_mps", "travelled_m", "steer_rad", "roll_rad")
 """Fields of `ActorFrame` that change evenly between two steps."""
 
@@ -297,64 +183,3 @@ def _held(a: ActorFrame, b: ActorFrame, stays: NDArray[np.bool_]) -> ActorFrame:
 def _turn(a_rad: F32, b_rad: F32, fraction: np.float32) -> F32:
     delta = wrap_angle(b_rad.astype(np.float64) - a_rad)
     return (a_rad + fraction * delta).astype(np.float32)
-
-
-BRAKE_FRACTION = 0.02
-"""Fraction of the pedal's travel from which the ego's brake lamps are lit."""
-_BLINK_NS = 666_666_666
-"""Period of the indicators [ns]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Snapshot:
-    """State of ego, actors and signals at one instant; holds no timeline, so it can go to another process."""
-
-    stamp_ns: int
-    """Time since the drive began [ns]."""
-    T_world_base: Array
-    """Pose of the ego's `base_link`, maps it to the world, shape (4, 4)."""
-    ego_velocity_mps: Array = field(default_factory=lambda: np.zeros(3))
-    """Velocity of `base_link` in world axes [m/s], shape (3,)."""
-    ego_lights: int = 0
-    """Bits of the ego's lit lights (`LIGHT_BRAKE` …)."""
-    ego_headlamps: bool = True
-    """Whether the ego's headlamps are switched on; they shine by night only."""
-    catalog: ActorCatalog = field(default_factory=empty_catalog)
-    """The other actors, N of them."""
-    actors: ActorFrame = field(default_factory=empty_frame)
-    """Their state."""
-    signals: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
-    """State of every signal head of the town (0 off, 1 red, 2 yellow, 3 green), shape (S,)."""
-
-    @classmethod
-    def of(cls, timeline: Timeline, stamp_ns: int) -> Snapshot:
-        """Snapshot of a timeline at a time [ns].
-
-        Raises:
-            ValueError: the time lies outside the timeline.
-        """
-        motion = timeline.ego_motion([stamp_ns])
-        return cls(
-            stamp_ns=stamp_ns,
-            T_world_base=motion.T_world_frame[0],
-            ego_velocity_mps=motion.velocity_world_mps[0],
-            ego_lights=ego_lights(timeline.car, stamp_ns),
-            catalog=timeline.catalog,
-            actors=timeline.actors_at(stamp_ns),
-            signals=timeline.signals_at(stamp_ns),
-        )
-
-
-def ego_lights(car: CarTrack, stamp_ns: int) -> int:
-    """Bits of the ego's lit lights by its pedals and gear at a time [ns]; 0 where they are not known."""
-    try:
-        state = car.at(stamp_ns)
-    except EpisodeError:
-        return 0
-    braking = float(state.brake[0]) > BRAKE_FRACTION
-    return braking * LIGHT_BRAKE + bool(state.reverse[0]) * LIGHT_REVERSE
-
-
-def is_blink(stamp_ns: int) -> bool:
-    """Whether indicators that are switched on shine at a time [ns]."""
-    return (stamp_ns % _BLINK_NS) * 2 < _BLINK_NS

@@ -20,20 +20,16 @@ from carlaloc_env.map.config import SignalTiming
 from carlaloc_env.map.lanes import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.route import Route
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.town.build import KEPT_FILES
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.population import catalog_of, draw_names, draw_tint
 from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.tables import record_arrays
-from carlaloc_env.traffic.tables.lane_reachability import (
-    WalkerNetwork,
-    lane_demand,
-    walker_demand,
-    weighted_order,
-)
+from carlaloc_env.traffic.tables.lane_demand import lane_demand, walker_demand, weighted_order
 from carlaloc_env.traffic.tables.lane_tables import Roads, build_roads
 from carlaloc_env.traffic.tables.sidewalks import build_walker_network
+from carlaloc_env.traffic.tables.walker_network import WalkerNetwork
 from carlaloc_env.traffic.vehicles.ego_agent import LaneCells, build_cells
 from carlaloc_env.traffic.vehicles.overlapping_lanes import Overlaps, find_overlaps
 

@@ -7,31 +7,32 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled, same_types
-from carlaloc_env.traffic.right_of_way import admit, collect_requests
+from carlaloc_env.traffic.junction_requests import collect_requests
+from carlaloc_env.traffic.right_of_way import admit
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy, empty_occupancy, gather_bodies, sort_bodies
 from carlaloc_env.traffic.tables.record_arrays import columns
+from carlaloc_env.traffic.tables.request_queue import Requests, empty_requests, list_holders
 from carlaloc_env.traffic.tables.vehicle_state import (
     DriverParameters,
     Drivers,
     Fleet,
-    Requests,
     empty_fleet,
-    empty_requests,
-    list_holders,
 )
 from carlaloc_env.traffic.vehicles.ego_agent import EgoBox, LaneCells, add_ego
 from carlaloc_env.traffic.vehicles.lane_changes import decide_lane_changes
-from carlaloc_env.traffic.vehicles.lane_plans import measure_density, plan_ahead, reenter_map
+from carlaloc_env.traffic.vehicles.lane_plans import measure_density, plan_ahead
+from carlaloc_env.traffic.vehicles.lateral import move_laterally
+from carlaloc_env.traffic.vehicles.lights import put_lights
 from carlaloc_env.traffic.vehicles.longitudinal import (
     advance_lanes,
     brake_for_stops,
     follow_leaders,
     integrate_motion,
     make_room_for_changes,
-    yield_to_walkers,
 )
+from carlaloc_env.traffic.vehicles.map_entries import reenter_map
 from carlaloc_env.traffic.vehicles.overlapping_lanes import (
     Approaches,
     Overlaps,
@@ -39,7 +40,8 @@ from carlaloc_env.traffic.vehicles.overlapping_lanes import (
     gather_approaches,
     yield_at_overlaps,
 )
-from carlaloc_env.traffic.vehicles.poses import VehiclePoses, move_laterally, put_lights, put_poses
+from carlaloc_env.traffic.vehicles.poses import VehiclePoses, put_poses
+from carlaloc_env.traffic.vehicles.walker_priority import yield_to_walkers
 from carlaloc_env.traffic.yielding import release_passed, wait_inside
 
 DENSITY_EVERY = 20

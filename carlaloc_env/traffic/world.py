@@ -14,15 +14,12 @@ from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.jit import compiled, same_types
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.timeline.timeline import ActorFrame
-from carlaloc_env.traffic.population import (
-    TrafficConfig,
-    draw_catalog,
-    draw_drivers,
-    draw_vehicles,
-)
+from carlaloc_env.timeline.actors import ActorFrame
+from carlaloc_env.traffic.population import draw_catalog, draw_drivers, draw_vehicles
 from carlaloc_env.traffic.standing_traffic import TrafficTables
-from carlaloc_env.traffic.tables.vehicle_state import Fleet, VehicleBoxes, WalkerState
+from carlaloc_env.traffic.tables.vehicle_state import Fleet
+from carlaloc_env.traffic.tables.walker_state import VehicleBoxes, WalkerState
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicle_step import StepInput, Vehicles
 from carlaloc_env.traffic.vehicles.ego_agent import EgoBox, EgoView
 from carlaloc_env.traffic.vehicles.poses import VehiclePoses, angle_of

@@ -1,11 +1,6 @@
-"""Weather that changes during a drive: a list of times and weathers, and what lies between them.
+"""Weather that changes during a drive: a list of times and weathers, and the weathers between them.
 
-A schedule stands wherever a weather may stand. In YAML it is a list::
-
-    - at_s: 0
-      weather: ClearNoon
-    - at_s: 120
-      weather: {cloudiness: 90, precipitation: 40, precipitation_deposits: 30}
+A schedule stands wherever a weather may stand.
 """
 
 from __future__ import annotations
@@ -21,7 +16,8 @@ import yaml
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.files.text_files import read_text
-from carlaloc_env.weather.parameters import WeatherParameters, changed_weather, weather_by_name
+from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.presets import changed_weather, weather_by_name
 
 STEP_NS = 1_000_000_000
 """The weather changes once a second: each new one costs a sky and a shadow map."""
@@ -31,7 +27,13 @@ STEP_NS = 1_000_000_000
 class WeatherSchedule:
     """Weathers at times since the drive began; every field changes evenly from one to the next.
 
-    Before the first time, the first weather holds; after the last time, the last weather.
+    Before the first time, the first weather holds; after the last time, the last weather. In YAML it is
+    a list::
+
+        - at_s: 0
+          weather: ClearNoon
+        - at_s: 120
+          weather: {cloudiness: 90, precipitation: 40, precipitation_deposits: 30}
     """
 
     at_s: tuple[float, ...]

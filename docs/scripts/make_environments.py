@@ -5,9 +5,17 @@ from dataclasses import fields
 from inspect import getsource
 from pathlib import Path
 
-from carlaloc_env.envs.task.agent_views import AHEAD_M, CHANNELS, LIGHTS, PX_M, SIZE_PX, VEHICLE, WALKER
-from carlaloc_env.envs.task.referee import TaskConfig
+from carlaloc_env.envs.task.birds_eye_view import (
+    AHEAD_M,
+    CHANNELS,
+    LIGHTS,
+    PX_M,
+    SIZE_PX,
+    VEHICLE,
+    WALKER,
+)
 from carlaloc_env.envs.task.state_vector import AHEAD, EGO, NEIGHBOUR, NEIGHBOURS, ROUTE, ROUTE_AHEAD_M, Entry
+from carlaloc_env.envs.task.task_config import TaskConfig
 
 PAGE = Path(__file__).parents[1] / "environments.md"
 PARTS = ("state", "bev", "task")

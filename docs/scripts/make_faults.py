@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.faults.faults import KINDS, Faults
-from carlaloc_env.faults.fields import TimingFaults, quantities
+from carlaloc_env.faults.fields import quantities
+from carlaloc_env.faults.timing import TimingFaults
 from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.samples import Image, Imu, PointCloud, Sample
 

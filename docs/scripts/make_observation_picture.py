@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
-from carlaloc_env.envs.task.agent_views import CHANNELS, LIGHTS, WALKER
+from carlaloc_env.envs.task.birds_eye_view import CHANNELS, LIGHTS, WALKER
 from carlaloc_env.envs.task.state_vector import state_names
 from carlaloc_env.traffic.signals import SignalState
 

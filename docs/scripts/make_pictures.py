@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.transforms import quat_conjugate, quat_rotate
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 from recorder.demo.story import DEMO_DRIVE
 from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import Episode

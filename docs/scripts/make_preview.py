@@ -22,7 +22,7 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Camera
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
 from recorder.episode.traffic_level import traffic_level

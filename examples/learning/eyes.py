@@ -9,7 +9,7 @@ from gymnasium.spaces import Box, Dict
 from gymnasium.wrappers import TransformObservation
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
-from carlaloc_env.envs.task.agent_views import CHANNELS, SIZE_PX
+from carlaloc_env.envs.task.birds_eye_view import CHANNELS, SIZE_PX
 from carlaloc_env.envs.task.state_vector import state_names
 
 SHOWN = [CHANNELS.index(name) for name in ("route", "actors", "lights")]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import carlaloc_env  # noqa: F401  (registers the environments)
-from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from recorder.laboratory.estimated_pose_env import EstimatedPoseEnv
 from recorder.laboratory.pose_source import PoseSource, SystemPose
 

@@ -16,7 +16,7 @@ from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 from recorder.benchmark.results import Score
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
 from recorder.benchmark.run import Progress as RunProgress

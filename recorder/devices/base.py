@@ -12,7 +12,7 @@ from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
 
 if TYPE_CHECKING:
-    from carlaloc_env.driving.road_ahead import DriverView
+    from carlaloc_env.driving.driver_view import DriverView
 
 
 class Device(Protocol):

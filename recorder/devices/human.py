@@ -11,7 +11,7 @@ from dataclasses import replace
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import DeviceError
-from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.base import Command
 from recorder.devices.inputs import KEY_COMMANDS, Inputs, Press, held_pedals

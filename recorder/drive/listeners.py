@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.elementary_kernels import sin_cos
-from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.physics.actor_pool import Contact
+from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoState
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.traffic.signals import SignalState
 from recorder.episode.ego_messages import EgoRow
 from recorder.episode.writer import EpisodeWriter

@@ -18,10 +18,10 @@ from carlaloc_env.core.files.recordings import check_episode_output, recording_p
 from carlaloc_env.core.freed_memory import give_back_freed_memory
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.physics.params import ride_by_name
-from carlaloc_env.timeline.timeline import ActorCatalog
+from carlaloc_env.timeline.actors import ActorCatalog
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town, without_movables
-from carlaloc_env.traffic.population import traffic_of_town
+from carlaloc_env.traffic.traffic_config import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.devices.base import DEVICES, HUMAN, Device
 from recorder.devices.human import HumanDevice

@@ -22,12 +22,12 @@ from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.driving_world import DrivingWorld, ego_view
-from carlaloc_env.physics.actor_pool import Contact
+from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.actor_quantisation import on_grid
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.traffic.population import TrafficConfig
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.traffic.standing_traffic import TrafficTables
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficWorld
 from recorder.drive.listeners import FIRST_DRIVEN_TICK, ego_row

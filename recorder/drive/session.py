@@ -16,7 +16,7 @@ from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import OutputError
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.timeline.timeline import ActorCatalog
+from carlaloc_env.timeline.actors import ActorCatalog
 from recorder.devices.base import Command, Device
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import KeyPanel

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.timeline.actor_quantisation import ActorCodes, decode_actors, encode_actors
-from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.timeline.actors import ActorFrame
 from recorder.episode.record_types import RecordType
 
 ACTORS = RecordType(

@@ -12,7 +12,7 @@ from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.core.errors import ConfigError, EpisodeError, unknown_name
 from carlaloc_env.core.transforms import quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.timeline.actors import ActorFrame
 from recorder.episode.actor_messages import actor_frames
 from recorder.episode.ego_messages import EgoRow, Event
 from recorder.episode.episode import Episode

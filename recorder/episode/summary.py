@@ -12,7 +12,7 @@ from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.timeline.actors import ActorFrame
 from recorder.episode.actor_messages import actor_states
 from recorder.episode.ego_messages import VIOLATIONS
 from recorder.episode.episode import Episode

@@ -24,7 +24,7 @@ from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.atomic_files import part_path
 from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame, empty_catalog
 from recorder.episode.actor_messages import ACTORS, pack_actors
 from recorder.episode.ego_messages import EGO, EVENT, EgoRow, pack_ego
 from recorder.episode.mcap_container import ContainerWriter

@@ -16,15 +16,16 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.transforms import apply, invert, transform, wrap_angle
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.driving.road_ahead import DriverView, RoadAhead
+from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.envs.task.agent_views import AGENT_RIGS, agent_view
 from carlaloc_env.envs.task.referee import STANDING_MPS
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.timeline.timeline import ActorFrame
-from carlaloc_env.traffic.signals import StopLines
+from carlaloc_env.timeline.actors import ActorFrame
+from carlaloc_env.traffic.stop_lines import StopLines
 from recorder.devices.scripted.driver import ScriptedDriver
 from recorder.laboratory.pose_source import KnownError, PoseSource
 from recorder.slam.live_system import DeadSystemError

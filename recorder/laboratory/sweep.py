@@ -15,7 +15,12 @@ import numpy as np
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.faults.faults import Faults, fault_quantity
-from carlaloc_env.weather.parameters import changed_weather, weather_quantities, weather_word, with_quantity
+from carlaloc_env.weather.presets import (
+    changed_weather,
+    weather_quantities,
+    weather_word,
+    with_quantity,
+)
 from carlaloc_env.weather.schedule import weather_of
 from recorder.benchmark.plan import DRIVES, BenchmarkSequence, sequence_of
 from recorder.dataset.checksums import file_sha256

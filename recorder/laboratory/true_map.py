@@ -17,7 +17,8 @@ from carlaloc_env.raycast.surface import import_open3d
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig
-from carlaloc_env.timeline.timeline import Timeline, empty_catalog
+from carlaloc_env.timeline.actors import empty_catalog
+from carlaloc_env.timeline.timeline import Timeline
 
 REACHED_M = 0.05
 """A ray that ends so near a point has reached it [m]: paint and covers lie millimetres above their road."""

@@ -32,7 +32,7 @@ from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.weather.parameters import weather_word
+from carlaloc_env.weather.presets import weather_word
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.dataset.manifest import VERSIONED
 from recorder.episode.traffic_level import TrafficLevel, traffic_level

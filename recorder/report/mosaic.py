@@ -17,7 +17,7 @@ from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS, colourise
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 
 DEPTH_RANGE_M = (2.0, 200.0)
 """Depths shown from black to white on a logarithmic scale [m]."""

@@ -33,10 +33,10 @@ from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.views import FAR_M
 from carlaloc_env.scene.mesh import Instances, ModelLibrary
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.standing_traffic import TrafficTables, standing_traffic
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 
 
 def lane_lines(network: LaneNetwork) -> list[Array]:

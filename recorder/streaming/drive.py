@@ -26,7 +26,7 @@ from carlaloc_env.core.errors import ConfigError, EvaluationError, WriterError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.text_files import last_line
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.weather.parameters import weather_word
+from carlaloc_env.weather.presets import weather_word
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
 from recorder.dataset.rig_sensors import imu_of

@@ -23,7 +23,8 @@ from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_RIGHT, ActorFrame, Snapshot, is_blink
+from carlaloc_env.timeline.actors import LIGHT_LEFT, LIGHT_RIGHT, ActorFrame
+from carlaloc_env.timeline.snapshot import Snapshot, is_blink
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.weather.schedule import Weather

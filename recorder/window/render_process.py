@@ -25,7 +25,7 @@ from carlaloc_env.core.errors import CarlaLocError, RenderError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.timeline.timeline import Snapshot
+from carlaloc_env.timeline.snapshot import Snapshot
 
 if TYPE_CHECKING:
     # Drives without a window need no OpenGL.

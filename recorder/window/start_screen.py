@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.core.files.array_cache import default_cache_dir
 from carlaloc_env.map.sources import known_towns
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 from recorder.devices.base import DEVICES, HUMAN, Command
 from recorder.devices.inputs import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT, Inputs, Press
 from recorder.devices.profile import StickRoles, known_profiles

@@ -9,13 +9,21 @@ from shared_fixtures.worlds.scenes import Scenery
 from carlaloc_env.actors.instances import place_actors, place_ego, place_lights
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.assets.vehicles.cycles import CRANK_TRAVEL_M, PEDAL_PHASES
-from carlaloc_env.assets.walkers.gait import FOOT_M, SHANK, THIGH, Joints, pedal_at, push_pedals
+from carlaloc_env.assets.walkers.gait import SHANK, THIGH
+from carlaloc_env.assets.walkers.pedalling import FOOT_M, pedal_at, push_pedals
+from carlaloc_env.assets.walkers.skeleton import Joints
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_REVERSE, ActorCatalog, ActorFrame, ego_lights
+from carlaloc_env.timeline.actors import (
+    LIGHT_BRAKE,
+    LIGHT_REVERSE,
+    ActorCatalog,
+    ActorFrame,
+)
+from carlaloc_env.timeline.snapshot import ego_lights
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
 

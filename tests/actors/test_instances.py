@@ -9,7 +9,8 @@ from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.transforms import from_rotation
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.signal_lenses import SignalLenses
-from carlaloc_env.timeline.timeline import LIGHT_BRAKE, Snapshot
+from carlaloc_env.timeline.actors import LIGHT_BRAKE
+from carlaloc_env.timeline.snapshot import Snapshot
 
 ACTOR = EGO_INSTANCE + 7
 

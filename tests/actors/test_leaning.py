@@ -11,7 +11,7 @@ from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.population import TrafficConfig
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.world import TrafficWorld
 
 TILT_RAD = 0.08

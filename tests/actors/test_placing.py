@@ -13,7 +13,12 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scene.signal_lenses import SignalLenses
-from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_LEFT, ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import (
+    LIGHT_BRAKE,
+    LIGHT_LEFT,
+    ActorCatalog,
+    ActorFrame,
+)
 
 
 def actors() -> tuple[ActorCatalog, ActorFrame]:

@@ -15,8 +15,9 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 pytest.importorskip("open3d", reason="Open3D casts the rays")
 need_opengl()

@@ -9,11 +9,12 @@ from shared_fixtures.worlds.meshes import facing_away, signed_volume_m3
 
 from carlaloc_env.assets import posts_and_fences, street_furniture
 from carlaloc_env.assets.plants import hedge, shrub
-from carlaloc_env.assets.posts_and_fences import traffic_light
 from carlaloc_env.assets.primitives import Look, box, lathe, mirrored, tube
 from carlaloc_env.assets.signs import SIGNS, sign
 from carlaloc_env.assets.texture_atlas import atlas_uv, street_name_uv
-from carlaloc_env.assets.trees import FORMS, tree
+from carlaloc_env.assets.traffic_lights import traffic_light
+from carlaloc_env.assets.tree_forms import FORMS
+from carlaloc_env.assets.trees import tree
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh

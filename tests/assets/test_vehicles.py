@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.meshes import facing_away, model, signed_volume_m3
 
-from carlaloc_env.assets.catalog import PLATES, VEHICLES, WALKERS, plate_of, plate_text, plate_uv
+from carlaloc_env.assets.catalog import VEHICLES, WALKERS
+from carlaloc_env.assets.number_plates import (
+    PLATES,
+    plate_of,
+    plate_text,
+    plate_uv,
+)
 from carlaloc_env.assets.vehicles.body import loft_body
 from carlaloc_env.assets.vehicles.car_models import CARS
 from carlaloc_env.core.ego import EGO_SIZE_M

@@ -7,7 +7,8 @@ from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.assets.catalog import GAIT_PHASES, WALKERS
-from carlaloc_env.assets.walkers.gait import posture, shoe_sole, standing
+from carlaloc_env.assets.walkers.gait import posture, standing
+from carlaloc_env.assets.walkers.skeleton import shoe_sole
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 from recorder.cli.commands.list import KINDS
 from recorder.cli.main import COMMANDS, main
 from recorder.dataset.layout import FORMATS

@@ -11,7 +11,7 @@ import pytest
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import DeviceError
-from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.base import Command

@@ -11,11 +11,11 @@ from shared_fixtures.drives.episodes import header_of
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.ego import Controls
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.driving.road_ahead import DriverView
-from carlaloc_env.physics.actor_pool import Contact
+from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.population import traffic_of_town
+from carlaloc_env.traffic.traffic_config import traffic_of_town
 from recorder.cli.main import main
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import BACK, FORWARD, Press

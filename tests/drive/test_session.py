@@ -11,7 +11,7 @@ import pytest
 
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from recorder.devices.human import HumanDevice
 from recorder.drive.record import RecordConfig, record
 from recorder.drive.resimulate import resimulate

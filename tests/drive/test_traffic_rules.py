@@ -7,12 +7,12 @@ from itertools import chain
 import numpy as np
 import pytest
 
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.driving.road_ahead import DriverView
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
-from carlaloc_env.traffic.population import traffic_of_town
 from carlaloc_env.traffic.signals import SignalState
+from carlaloc_env.traffic.traffic_config import traffic_of_town
 from recorder.drive.listeners import RuleMonitor
 
 

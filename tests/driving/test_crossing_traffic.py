@@ -7,9 +7,15 @@ import pytest
 from shared_fixtures.drives.driver_runs import route_of
 from shared_fixtures.worlds.scenes import Scenery
 
-from carlaloc_env.driving.road_ahead import SIGHT_M, crossing_traffic, standing_gap_m
+from carlaloc_env.driving.crossing_traffic import crossing_traffic, standing_gap_m
+from carlaloc_env.driving.road_ahead import SIGHT_M
 from carlaloc_env.map.routing.route import Route
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
+from carlaloc_env.timeline.actors import (
+    ActorCatalog,
+    ActorFrame,
+    empty_catalog,
+    empty_frame,
+)
 
 FRONT_M = 3.75
 

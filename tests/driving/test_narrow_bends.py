@@ -13,7 +13,7 @@ from carlaloc_env.core.ego import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.driving.narrow_bends import narrow_bend_m
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.map.routing.route import Route
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 
 RADIUS_M = 6.5
 """A village street: two lanes of 2.6 m."""

@@ -5,7 +5,8 @@ import pytest
 from shared_fixtures.drives.straight_drives import MakeEnv
 
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.envs.task.actions import LATERAL_MPS2, SHARPEST_PER_M, Motion, action_kind
+from carlaloc_env.envs.task.ackermann import LATERAL_MPS2, SHARPEST_PER_M, Motion
+from carlaloc_env.envs.task.actions import action_kind
 from carlaloc_env.physics.params import VehicleParams
 
 

@@ -13,11 +13,13 @@ from shared_fixtures.drives.straight_drives import MakeEnv
 
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ActionError
-from carlaloc_env.envs.carlaloc_env import AnyTownEnv, CarlaLocEnv
+from carlaloc_env.envs.any_town_env import AnyTownEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.envs.task.actions import PEDALS, STEERS, action_kind
-from carlaloc_env.envs.task.referee import TaskConfig
+from carlaloc_env.envs.task.task_config import TaskConfig
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.weather.parameters import WeatherParameters, weather_by_name
+from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.presets import weather_by_name
 from carlaloc_env.weather.schedule import WeatherSchedule
 
 FOG = WeatherParameters(fog_density=60.0)

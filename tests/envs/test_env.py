@@ -17,14 +17,15 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 
 import carlaloc_env
 from carlaloc_env.core.errors import ActionError, CarlaLocError, ConfigError
-from carlaloc_env.envs.carlaloc_env import AnyTownEnv, CarlaLocEnv
-from carlaloc_env.envs.task.agent_views import BirdsEyeView
+from carlaloc_env.envs.any_town_env import AnyTownEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env.envs.task.birds_eye_view import BirdsEyeView
 from carlaloc_env.envs.task.referee import TERMS
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.ranging_config import LidarConfig
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 from carlaloc_env.weather.schedule import weather_of
 
 GO = np.array([0.0, 0.4], np.float32)
@@ -56,7 +57,7 @@ def test_every_town_is_registered() -> None:
     """One family: each town has an id, and all of them have the same class."""
     names = {f"CarlaLoc-{town}-v0": {"map": town} for town in (*carlaloc_env.TOWNS, "Town10HD")}
     specs = {name: gymnasium.spec(name) for name in gymnasium.registry if name.startswith("CarlaLoc-")}
-    assert specs.pop("CarlaLoc-AnyTown-v0").entry_point == "carlaloc_env.envs.carlaloc_env:AnyTownEnv"
+    assert specs.pop("CarlaLoc-AnyTown-v0").entry_point == "carlaloc_env.envs.any_town_env:AnyTownEnv"
     assert {name: spec.kwargs for name, spec in specs.items()} == {**names, "CarlaLoc-v0": {}}
     assert {spec.entry_point for spec in specs.values()} == {"carlaloc_env.envs.carlaloc_env:CarlaLocEnv"}
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.envs.base_env import Observer, values_of
+from carlaloc_env.envs.observer import Observer, values_of
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.sensors.base import Mount

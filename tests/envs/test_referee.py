@@ -5,7 +5,7 @@ import pytest
 from shared_fixtures.drives.straight_drives import MakeEnv
 
 from carlaloc_env.core.ego import EGO_FRONT_M
-from carlaloc_env.envs.task.referee import TaskConfig
+from carlaloc_env.envs.task.task_config import TaskConfig
 from carlaloc_env.traffic.signals import SignalState
 
 GO = np.array([0.0, 0.6], np.float32)

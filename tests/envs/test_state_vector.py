@@ -9,10 +9,16 @@ from shared_fixtures.drives.straight_drives import MakeEnv
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
-from carlaloc_env.envs.task import agent_views
-from carlaloc_env.envs.task.agent_views import AHEAD_M, CHANNELS, PX_M, SIZE_PX, BirdsEyeView
+from carlaloc_env.envs.task import birds_eye_view
+from carlaloc_env.envs.task.birds_eye_view import (
+    AHEAD_M,
+    CHANNELS,
+    PX_M,
+    SIZE_PX,
+    BirdsEyeView,
+)
+from carlaloc_env.envs.task.road_users import Ego, first_in_path
 from carlaloc_env.envs.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, corner_speeds, state_names
-from carlaloc_env.envs.task.task_world import Ego, first_in_path
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.traffic.signals import SignalState
 
@@ -216,7 +222,7 @@ def test_what_lies_off_the_picture_from_above_is_not_drawn(
     env: CarlaLocEnv, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Pieces of lanes and road users beyond its edges are left out, and every byte stays."""
-    view, seen, drawn = BirdsEyeView(env.world.town.network), agent_views._seen, [0, 0]
+    view, seen, drawn = BirdsEyeView(env.world.town.network), birds_eye_view._seen, [0, 0]
 
     def all_near(ego: Ego, middles_m: np.ndarray, corners_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         away = np.abs(middles_m - np.array(ego[:3]))
@@ -231,7 +237,7 @@ def test_what_lies_off_the_picture_from_above_is_not_drawn(
         env.reset(seed=seed, options={"start": "anywhere"})
         few = view.draw(env.world)
         with monkeypatch.context() as patched:
-            patched.setattr(agent_views, "_seen", all_near)
+            patched.setattr(birds_eye_view, "_seen", all_near)
             np.testing.assert_array_equal(few, view.draw(env.world))
     assert 0 < drawn[1] < 0.5 * drawn[0]
 

@@ -11,7 +11,8 @@ from shared_fixtures.drives.episodes import SIGNALS, catalog_of, frame_of, heade
 
 from carlaloc_env.core.ego import EGO_FRONT_M
 from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.timeline.timeline import ActorFrame, Timeline
+from carlaloc_env.timeline.actors import ActorFrame
+from carlaloc_env.timeline.timeline import Timeline
 from recorder.episode.episode import Episode
 from recorder.episode.mcap_container import ContainerWriter
 from recorder.episode.record_types import RecordType

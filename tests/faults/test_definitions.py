@@ -10,9 +10,10 @@ from shared_fixtures.readings.bag_samples import imu as imu_of
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.faults.cameras import dirt, exposed
 from carlaloc_env.faults.faults import KINDS, Faults
-from carlaloc_env.faults.fields import Draws, quantities
-from carlaloc_env.faults.sensors import dirt, exposed
+from carlaloc_env.faults.fields import quantities
+from carlaloc_env.faults.timing import Draws
 from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.samples import GnssFix, Image, Imu, PointCloud, Sample, SemanticImage, WheelTicks
 from carlaloc_env.sensors.base import SensorConfig

@@ -17,7 +17,7 @@ from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.population import traffic_of_town
+from carlaloc_env.traffic.traffic_config import traffic_of_town
 from recorder.cli.main import main
 from recorder.drive.listeners import EpisodeListener
 from recorder.episode.writer import EpisodeHeader, EpisodeWriter

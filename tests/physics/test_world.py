@@ -12,11 +12,16 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.physics.actor_pool import pybullet
+from carlaloc_env.physics.bullet import pybullet
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.ground_heights import ground_table, highest_below
 from carlaloc_env.physics.world import PhysicsWorld
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
+from carlaloc_env.timeline.actors import (
+    ActorCatalog,
+    ActorFrame,
+    empty_catalog,
+    empty_frame,
+)
 
 SQUARE = (
     np.array([[-100.0, -100, 0], [300, -100, 0], [300, 100, 0], [-100, 100, 0]]),

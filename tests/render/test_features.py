@@ -6,7 +6,7 @@ from shared_fixtures.readings.orb_features import CHOICES, Features, Found, foun
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.map.sources import known_towns
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

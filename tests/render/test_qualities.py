@@ -25,7 +25,7 @@ from carlaloc_env.render.views import QUALITIES
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

@@ -14,7 +14,7 @@ from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

@@ -14,7 +14,7 @@ from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

@@ -14,7 +14,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.files.output_paths import _boot
+from carlaloc_env.core.files.file_locks import _boot
 from recorder.dataset.checksums import checksums
 from recorder.replaying import conditions, run
 from recorder.replaying import plan as replay_plan

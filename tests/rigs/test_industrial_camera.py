@@ -23,8 +23,9 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imaging.imager import Imager
+from carlaloc_env.timeline.actors import empty_catalog, empty_frame
 from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.schedule import weather_of

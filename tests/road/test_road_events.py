@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from carlaloc_env.road.road_events import event_height, event_table, no_events
 from carlaloc_env.road.road_profile import LevelGrid, Roughness
-from carlaloc_env.road.rough_surface import event_height, event_table, no_events
 
 FOOT_M = 0.15
 

@@ -15,7 +15,7 @@ import pytest
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.envs.base_env import Observer
+from carlaloc_env.envs.observer import Observer
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Mount, SensorConfig

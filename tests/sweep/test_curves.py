@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.weather.parameters import changed_weather, weather_word
+from carlaloc_env.weather.presets import changed_weather, weather_word
 from recorder.benchmark.results import Score
 from recorder.evaluation.confidence import mean_interval
 from recorder.laboratory.sweep import Axis, Point, Setting

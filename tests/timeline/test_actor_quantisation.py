@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.timeline.actor_quantisation import decode_actors, encode_actors, on_grid
-from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.timeline.actors import ActorFrame
 
 
 def frame(count: int, extent_m: float) -> ActorFrame:

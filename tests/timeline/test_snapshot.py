@@ -8,8 +8,10 @@ from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.ego import Controls
+from carlaloc_env.timeline.actors import LIGHT_BRAKE
 from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.timeline import LIGHT_BRAKE, Snapshot, Timeline, is_blink
+from carlaloc_env.timeline.snapshot import Snapshot, is_blink
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
 SPEED_MPS = 10.0

@@ -5,8 +5,9 @@ import pytest
 
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_NS
 from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 COUNT = 3
 

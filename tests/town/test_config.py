@@ -10,7 +10,7 @@ from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.map.config import FEATURE_SIZES, Feature, SignalTiming, TownConfig
 from carlaloc_env.map.sources import known_towns
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.population import TrafficConfig
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 
 ZONE = {"kind": "park", "polygon": [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]}
 PIER = {"kind": "pier", "position": [0.0, 0.0]}

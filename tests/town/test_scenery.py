@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from carlaloc_env.assets.trees import FORMS
+from carlaloc_env.assets.tree_forms import FORMS
 from carlaloc_env.core.transforms import apply
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh

@@ -12,16 +12,10 @@ from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.route import Route, plan_route
 from carlaloc_env.map.sources import find_town
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.population import traffic_of_town
-from carlaloc_env.traffic.signals import (
-    DEPARTURE_S,
-    PACE,
-    SignalPlan,
-    SignalState,
-    stop_lines,
-    travel_times_s,
-)
+from carlaloc_env.traffic.signals import PACE, SignalPlan, SignalState
 from carlaloc_env.traffic.standing_traffic import TrafficTables
+from carlaloc_env.traffic.stop_lines import DEPARTURE_S, stop_lines, travel_times_s
+from carlaloc_env.traffic.traffic_config import traffic_of_town
 
 TIMING = SignalTiming(green_s=10.0, main_green_s=20.0, left_green_s=6.0)
 STEP_S = 0.25

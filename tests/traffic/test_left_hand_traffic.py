@@ -14,9 +14,9 @@ from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.default_route import choose_route
 from carlaloc_env.map.routing.route import plan_route
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
-from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.standing_traffic import TrafficTables
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.world import TrafficWorld
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode

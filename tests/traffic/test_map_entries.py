@@ -11,8 +11,9 @@ from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.default_route import choose_route
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
-from carlaloc_env.timeline.timeline import Timeline, came_in_elsewhere
-from carlaloc_env.traffic.population import TrafficConfig
+from carlaloc_env.timeline.actors import came_in_elsewhere
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.world import TrafficWorld
 
 LANE = '<lane id="{}" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'

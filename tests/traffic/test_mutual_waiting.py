@@ -11,8 +11,8 @@ from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.map.lanes.build_network import build_network
-from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.standing_traffic import TrafficTables
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicles.ego_agent import EgoBox, EgoView, passes_ego
 from carlaloc_env.traffic.world import TrafficWorld
 

@@ -14,9 +14,9 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.sources import find_town
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.population import TrafficConfig, traffic_of_town
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.lane_tables import TAKEN
+from carlaloc_env.traffic.traffic_config import TrafficConfig, traffic_of_town
 from carlaloc_env.traffic.world import TrafficWorld
 
 

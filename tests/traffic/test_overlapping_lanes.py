@@ -8,9 +8,9 @@ import pytest
 from benchmarks.traffic_audit import NOBODY, audit_traffic
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.occupancy import empty_occupancy
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicles.overlapping_lanes import CLEAR_M, empty_approaches
 from carlaloc_env.traffic.world import TrafficWorld
 

@@ -11,9 +11,8 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.map.config import SignalTiming
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.timeline.actors import ActorFrame
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalPlan, SignalState
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.lane_tables import (
@@ -22,6 +21,7 @@ from carlaloc_env.traffic.tables.lane_tables import (
     SLOWEST_BEND_MPS,
     allowed_speeds,
 )
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicles.car_following import idm_plus
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficWorld

@@ -7,11 +7,11 @@ from benchmarks.traffic_audit import NOBODY, on_walkable
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.standing_traffic import TrafficTables
-from carlaloc_env.traffic.tables.lane_reachability import CROSSWALK
 from carlaloc_env.traffic.tables.lane_tables import TAKEN
+from carlaloc_env.traffic.tables.walker_network import CROSSWALK
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficWorld
 
@@ -98,7 +98,7 @@ def test_a_walker_whose_path_is_parked_up_leaves_the_road(tables: TrafficTables)
         int(walker_network.path.lane_crossing_first[path]), int(walker_network.path.lane_crossing_end[path])
     )
     first, parked = sorted(crossings, key=lambda k: float(walker_network.lane_crossing.near_m[k]))[:2]
-    state.path[0], state.sense[0], state.crossing[0] = path, 1, True
+    state.path[0], state.path_direction[0], state.crossing[0] = path, 1, True
     state.station_m[0] = walker_network.lane_crossing.near_m[first]
     row = int(walker_network.path.row_first[path] + state.station_m[0] / walker_network.path.row_step_m[path])
     state.position_m[0] = walker_network.row.position_m[row]

@@ -23,7 +23,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.timeline.actors import ActorFrame
 from carlaloc_env.town.town import Town
 from recorder.cli.main import main
 from recorder.episode.episode import Episode

@@ -8,7 +8,8 @@ import pytest
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.render.lighting import sky_model
 from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
-from carlaloc_env.weather.parameters import PRESETS, WeatherParameters, weather_by_name
+from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.presets import PRESETS, weather_by_name
 
 
 def test_presets_are_those_of_the_carla_package() -> None:

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
+from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.presets import PRESETS
 from carlaloc_env.weather.schedule import WeatherSchedule, weather_of
 from recorder.replaying.conditions import conditions_of
 

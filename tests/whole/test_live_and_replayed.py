@@ -13,8 +13,8 @@ from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.population import traffic_of_town
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.traffic.traffic_config import traffic_of_town
+from carlaloc_env.weather.presets import weather_by_name
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
 

@@ -20,10 +20,10 @@ from carlaloc_env.core.errors import RenderError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.render.lighting.model_lamps import Emitters
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.timeline.timeline import Snapshot, is_blink
+from carlaloc_env.timeline.snapshot import Snapshot, is_blink
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.population import traffic_of_town
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.traffic.traffic_config import traffic_of_town
+from carlaloc_env.weather.presets import weather_by_name
 from recorder.window.cockpit import present_of
 from recorder.window.hud import DriveStatus
 from recorder.window.render_process import FIRST_PX, LiveView, RenderProcess
@@ -34,7 +34,7 @@ ALONE = """
 import os, signal, sys
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 from recorder.window.render_process import RenderProcess
 
 if __name__ == "__main__":

@@ -7,18 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from carlaloc_env.assets.catalog import EGO_TINT, PLATE_SIZE_M
+from carlaloc_env.assets.catalog import EGO_TINT
 from carlaloc_env.assets.decals import Decals
+from carlaloc_env.assets.number_plates import PLATE_SIZE_M
 from carlaloc_env.assets.primitives import Look, box, ellipsoid, mirrored, placed, surface, tube
 from carlaloc_env.assets.vehicles.body import BodyShape, loft_body, plastic
 from carlaloc_env.assets.vehicles.car_ends import add_front, add_rear, rectangle
 from carlaloc_env.assets.vehicles.car_models import CarSpec
-from carlaloc_env.assets.vehicles.wheels import (
+from carlaloc_env.assets.vehicles.vehicle_parts import (
     LampMount,
     PlateMount,
     VehicleParts,
-    arch_liner,
     assemble,
+)
+from carlaloc_env.assets.vehicles.wheels import (
+    arch_liner,
     car_wheels,
     plain_wheel,
     wheel,

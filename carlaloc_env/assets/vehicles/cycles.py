@@ -6,18 +6,17 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.assets.primitives import Look, box, circle, ellipsoid, mirrored, rings, tube
 from carlaloc_env.assets.vehicles.body import DARK
 from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT
-from carlaloc_env.assets.vehicles.wheels import (
+from carlaloc_env.assets.vehicles.vehicle_parts import (
     LampMount,
     PlateMount,
     VehicleParts,
-    WheelMount,
     assemble,
-    plain_wheel,
-    wheel,
 )
+from carlaloc_env.assets.vehicles.wheels import WheelMount, plain_wheel, wheel
 from carlaloc_env.assets.walkers.clothing import Build, by
 from carlaloc_env.assets.walkers.figure import figure
-from carlaloc_env.assets.walkers.gait import Joints, cranks, push_pedals
+from carlaloc_env.assets.walkers.pedalling import cranks, push_pedals
+from carlaloc_env.assets.walkers.skeleton import Joints
 from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge

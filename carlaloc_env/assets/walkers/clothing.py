@@ -7,7 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.primitives import Look, circle, ellipsoid, grid_triangles, rings, surface
-from carlaloc_env.assets.walkers.gait import BONES, Joints, Skin, shoe_sole, standing
+from carlaloc_env.assets.walkers.gait import standing
+from carlaloc_env.assets.walkers.skeleton import (
+    BONES,
+    Joints,
+    Skin,
+    shoe_sole,
+)
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge

@@ -85,13 +85,13 @@ def cache_files(folder: Path | None = None) -> list[tuple[Path, int]]:
     Args:
         folder: Where files lie; `default_cache_dir` when left out.
     """
-    found = []
+    files = []
     for path in (folder or default_cache_dir()).glob("*-*"):
         # Another process may delete a file meanwhile.
         with suppress(OSError):
             if _KEPT.fullmatch(path.name):
-                found.append((path, path.stat().st_size))
-    return sorted(found, key=lambda kept: _used_s(kept[0]))
+                files.append((path, path.stat().st_size))
+    return sorted(files, key=lambda kept: _used_s(kept[0]))
 
 
 def clear_cache(bound_bytes: float = 0.0, *, stays: Path | None = None) -> int:
@@ -208,12 +208,12 @@ def _distrust(path: Path) -> str | None:
     if not hasattr(os, "geteuid"):
         return None
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    if found.st_uid != os.geteuid():
+    if status.st_uid != os.geteuid():
         return "belongs to another user"
-    return "is writable by all users" if found.st_mode & stat.S_IWOTH else None
+    return "is writable by all users" if status.st_mode & stat.S_IWOTH else None
 
 
 def _drop_old(kept: Path, count: int) -> None:

@@ -48,19 +48,19 @@ def claim(path: Path, file: IO[Any]) -> str | None:
         Who has the place, as ``process 42 on host a``; None: it is ours until the file is closed.
     """
     if not take_lock(file):
-        found = claimed_by(path)
-        return "an unknown process" if found is None else f"process {found[2]} on host {found[0]}"
+        holder = claimed_by(path)
+        return "an unknown process" if holder is None else f"process {holder[2]} on host {holder[0]}"
     mine = (platform.node(), _boot(), str(os.getpid()))
     while True:
         try:
             path.symlink_to(" ".join(mine))
             return None
         except FileExistsError:
-            found = claimed_by(path)
+            holder = claimed_by(path)
         except OSError:
             return None
-        if found is not None:
-            host, boot, pid = found
+        if holder is not None:
+            host, boot, pid = holder
             if mine[0] != host and mine[1] != boot:
                 return f"process {pid} on host {host} (if it has ended there, delete {path})"
             if mine[1] == boot and not _excludes(file) and _lives(int(pid)):

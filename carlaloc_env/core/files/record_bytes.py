@@ -44,8 +44,8 @@ def _of_array(value: NDArray[np.float64]) -> dict[str, Any]:
     return {"values": value.ravel().tolist(), "shape": value.shape}
 
 
-def _to_array(found: dict[str, Any]) -> NDArray[np.float64]:
-    return np.array(found["values"], dtype=np.float64).reshape(found["shape"])
+def _to_array(document: dict[str, Any]) -> NDArray[np.float64]:
+    return np.array(document["values"], dtype=np.float64).reshape(document["shape"])
 
 
 def _frozen(value: Any) -> Any:

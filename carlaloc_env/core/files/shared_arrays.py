@@ -36,7 +36,7 @@ def in_shared_memory(arrays: Arrays, name: str, kind: str, *, module: str, kept_
         module=module,
         make=lambda: views,
         to_arrays=lambda made: made,
-        from_arrays=lambda found: {name: found[name] for name in views},
+        from_arrays=lambda stored: {name: stored[name] for name in views},
         content=arrays_hash(views),
         kept_files=kept_files,
     )

@@ -1,12 +1,8 @@
-"""Kinds of actions: what an agent gives, and the controls that it means.
-
-Actions of the kind `ackermann`: a curvature and a speed, which wheel and pedals then follow.
-"""
+"""Kinds of actions: the values that an agent gives, and the controls that they mean."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import atan
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -14,58 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
-from carlaloc_env.physics.params import VehicleParams, motor_force_n
-
-SHARPEST_PER_M = 0.2
-"""Curvature of a full steering action at low speed [1/m]: a turn of 5 m; at full lock it is 4.1 m."""
-LATERAL_MPS2 = 3.0
-"""Lateral acceleration of a full steering action at higher speeds [m/s²]."""
-ACCELERATION_MPS2, DECELERATION_MPS2 = 2.5, 8.0
-"""Limits of what the pedals ask for [m/s²]."""
-_GAIN_PER_S = 1.2
-"""Acceleration for a metre a second that the car is too slow."""
-_CREEP_MPS, _HELD = 0.3, 0.3
-"""Speed below which a car that shall stand is held by the brake, and the brake pedal that holds it."""
-
-
-class Motion(NamedTuple):
-    """Motion of the car, and the limit that it is under."""
-
-    speed_mps: float = 0.0
-    """Forward speed [m/s]."""
-    speed_limit_mps: float = 0.0
-    """Speed limit here [m/s]."""
-
-
-AT_REST = Motion()
-"""A standing car."""
-
-
-def controls_towards(steer: float, speed: float, motion: Motion, p: VehicleParams) -> Controls:
-    """Controls that lead to a curvature and a speed.
-
-    Steering is that of the kinematic single-track model, atan(wheelbase times curvature). Speed is held by
-    a proportional controller over the motor's force.
-
-    Args:
-        steer: Share of the sharpest curvature, -1 right to 1 left.
-        speed: Wanted speed: -1 stands, 1 is the limit.
-        motion: The car's motion now.
-        p: Numbers of the car.
-    """
-    v = motion.speed_mps
-    curvature = steer * min(SHARPEST_PER_M, LATERAL_MPS2 / max(v * v, 1.0))
-    wheel = atan(p.wheelbase_m * curvature) / p.steer_max_rad
-    wanted_mps = 0.5 * (1.0 + speed) * motion.speed_limit_mps
-    asked = max(-DECELERATION_MPS2, min(_GAIN_PER_S * (wanted_mps - v), ACCELERATION_MPS2))
-    # The motor's force runs from full drive to full regeneration over the throttle's travel.
-    full, coast = (motor_force_n(p, pedal, v) / p.mass_kg for pedal in (1.0, 0.0))
-    throttle, brake = (asked - coast) / (full - coast), (coast - asked) / p.brake_mps2
-    if wanted_mps < _CREEP_MPS and v < _CREEP_MPS:
-        throttle, brake = 0.0, _HELD
-    throttle, brake = min(max(throttle, 0.0), 1.0), min(max(brake, 0.0), 1.0)
-    return Controls(steer=max(-1.0, min(wheel, 1.0)), throttle=throttle, brake=brake)
-
+from carlaloc_env.envs.task.ackermann import AT_REST, Motion, controls_towards
+from carlaloc_env.physics.params import VehicleParams
 
 STEERS = (-0.6, -0.3, -0.12, -0.04, 0.0, 0.04, 0.12, 0.3, 0.6)
 """Steering of discrete actions, full right −1 to full left +1."""
@@ -73,8 +19,8 @@ PEDALS = (-0.8, -0.3, 0.0, 0.35, 0.8)
 """Pedals of discrete actions: brake below 0, throttle above."""
 ROUNDING = 1e-6
 """So far may rounding put a number beyond its bounds, as a network in single precision does."""
-
 _CAR = VehicleParams()
+_LOWEST, _HIGHEST = np.array([-1, 0, 0, 0, 0], np.float32), np.ones(5, np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +108,6 @@ def _numbers(action: ArrayLike, lows: Mapping[str, float]) -> list[float]:
     return [min(max(value, low), 1.0) for low, value in zip(lows.values(), numbers, strict=True)]
 
 
-_LOWEST, _HIGHEST = np.array([-1, 0, 0, 0, 0], np.float32), np.ones(5, np.float32)
 ACTIONS: dict[str, tuple[Callable[[], spaces.Space[Any]], Callable[[Any, Motion], Controls]]] = {
     "controls": (lambda: spaces.Box(_LOWEST, _HIGHEST, dtype=np.float32), controls_of),
     "continuous": (lambda: spaces.Box(-1.0, 1.0, (2,), np.float32), steer_and_pedal),

@@ -1,79 +1,19 @@
-"""The referee: what a step earns and costs, and whether the episode ends.
-
-Weights of the reward and limits of an episode.
-"""
+"""Referee: the reward and costs of a step, and the end of an episode."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from numbers import Real
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.envs.task.task_config import TaskConfig
 from carlaloc_env.envs.task.task_world import TaskWorld
-from carlaloc_env.physics.actor_pool import Contact
+from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.traffic.signals import SignalState
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TaskConfig:
-    """Weights of the reward, and limits of an episode."""
-
-    progress_per_m: float = 1.0
-    """Reward for a metre gained along the route."""
-    lane_offset_per_m_s: float = 0.5
-    """Cost of a second at a metre from the middle of the route's lane."""
-    jerk_per_mps3_s: float = 0.01
-    """Cost of a second of 1 m/s³ of longitudinal jerk."""
-    speeding_per_mps_s: float = 1.5
-    """Cost of a second at 1 m/s above the limit: more than the metres that it gains."""
-    red_light: float = 100.0
-    """Cost of passing a stop line at red: the metres of 12 s at 30 km/h, since waiting loses metres."""
-    collision: float = 50.0
-    """Cost of a collision."""
-    off_road: float = 20.0
-    """Cost of leaving the road or the route."""
-    goal: float = 10.0
-    """Reward for the end of the route."""
-    collision_impulse_ns: float = 1500.0
-    """Impulse of a touch from which it is a collision [N s]: 0.8 m/s of the ego's 1850 kg."""
-    jerk_max_mps3: float = 50.0
-    """Greater jerk costs no more than this one [m/s³]."""
-    off_route_m: float = 12.0
-    """Distance from the route at which it counts as left [m]."""
-    standing_limit_s: float = 90.0
-    """Time of standing still after which an episode is truncated [s]."""
-    time_limit_s: float = 600.0
-    """Time after which an episode is truncated [s]."""
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if not isinstance(value, Real) or not math.isfinite(value) or value < 0.0:
-                raise ConfigError(f"task: {item.name} is {value!r}; give a finite number of 0 or more")
-            object.__setattr__(self, item.name, float(value))
-
-    @classmethod
-    def of(cls, task: TaskConfig | Mapping[str, float] | None) -> TaskConfig:
-        """Configuration as users may give it: itself, a mapping of the values that differ, or None.
-
-        Raises:
-            ConfigError: a name is unknown, or a value no number of 0 or more.
-        """
-        if isinstance(task, TaskConfig):
-            return task
-        known = [item.name for item in fields(cls)]
-        settings: dict[str, float] = dict(task or {})
-        for name in settings:
-            if name not in known:
-                raise ConfigError(unknown_name("setting of the task", name, known))
-        return cls(**settings)
-
 
 STEP_S = STEP_NS * 1e-9
 """Time that one step takes [s]."""
@@ -83,7 +23,6 @@ _IN_LANE_M = 1.2
 """So near the middle of its route, the car is on the road without a look at the map [m]."""
 _ARRIVED_M = 2.0
 """Distance from the end of the route at which it is reached [m]: a car that stops 1 m short has arrived."""
-
 TERMS = ("progress", "lane_offset", "jerk", "speeding", "red_light", "collision", "off_road", "goal")
 """Names of the terms whose sum is the reward."""
 COSTS = ("red_light", "collision", "off_road")

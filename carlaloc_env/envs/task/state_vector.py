@@ -1,4 +1,4 @@
-"""The state vector: the car, the road and the others as one vector of numbers between −1 and 1."""
+"""State vector: the car, the road and the others as one vector of numbers between −1 and 1."""
 
 import math
 from typing import NamedTuple
@@ -11,7 +11,14 @@ from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego import EGO_FRONT_M
 from carlaloc_env.core.jit import compiled, same_types
-from carlaloc_env.envs.task.task_world import COLUMNS, Ego, TaskWorld, ego_of, first_in_path, put_neighbours
+from carlaloc_env.envs.task.road_users import (
+    COLUMNS,
+    Ego,
+    ego_of,
+    first_in_path,
+    put_neighbours,
+)
+from carlaloc_env.envs.task.task_world import TaskWorld
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.traffic.signals import SignalState
@@ -31,10 +38,10 @@ _BACK_M = 4.0
 """A stop line counts until the front bumper is so far beyond it [m]."""
 _KINDS = {Tag.PEDESTRIAN: 2, Tag.RIDER: 1, Tag.MOTORCYCLE: 1, Tag.BICYCLE: 1}
 """Kind of a road user by its tag: 0 car, van, lorry or bus, 1 on two wheels, 2 on foot."""
-
-
 _RoadUsers = tuple[F32, F32, F32, Array]
 """Positions [m], headings [rad], speeds [m/s] and sizes [m] of road users, as `put_neighbours` takes them."""
+BRAKING_MPS2, LATERAL_MPS2, MARGIN_M = 2.5, 2.0, 1.0
+"""Comfortable braking, and acceleration in curves, of `safe_speed` and `corner_speed`; gap when standing."""
 
 
 class Entry(NamedTuple):
@@ -85,8 +92,6 @@ AHEAD = (
     Entry("corner_speed", 1.0, "", "share of the limit at which no curve ahead takes more than 2 m/s²"),
 )
 """Of what lies ahead on the route."""
-BRAKING_MPS2, LATERAL_MPS2, MARGIN_M = 2.5, 2.0, 1.0
-"""Comfortable braking, and acceleration in curves, of `safe_speed` and `corner_speed`; gap when standing."""
 NEIGHBOUR = (
     Entry("forward", 50.0, "m", "centre, ahead of the car's centre"),
     Entry("left", 50.0, "m", "centre, to the left"),

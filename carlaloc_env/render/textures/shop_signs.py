@@ -3,7 +3,13 @@
 import cv2
 import numpy as np
 
-from carlaloc_env.assets.catalog import PLATE_COLUMNS, PLATE_ROWS, PLATE_SIZE_M, PLATES, plate_text
+from carlaloc_env.assets.number_plates import (
+    PLATE_COLUMNS,
+    PLATE_ROWS,
+    PLATE_SIZE_M,
+    PLATES,
+    plate_text,
+)
 from carlaloc_env.assets.texture_atlas import BILLBOARDS, SHOP_NAMES
 from carlaloc_env.render.textures.canvas import Canvas, Rgb, scaled, strips
 from carlaloc_env.render.textures.noise import Layer

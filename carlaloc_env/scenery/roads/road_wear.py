@@ -7,7 +7,7 @@ import numpy as np
 from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.opendrive.records import Road
-from carlaloc_env.road.rough_surface import no_events
+from carlaloc_env.road.road_events import no_events
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.lane_strips import Strip

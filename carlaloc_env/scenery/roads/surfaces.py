@@ -21,7 +21,7 @@ from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.lanes.lanes import Crosswalk
 from carlaloc_env.map.lanes.signals import object_pose
 from carlaloc_env.map.opendrive.records import Road, RoadObject
-from carlaloc_env.road.rough_surface import no_events
+from carlaloc_env.road.road_events import no_events
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_graph import grown

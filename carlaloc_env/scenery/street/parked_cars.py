@@ -6,8 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.catalog import PLATES, VEHICLES, plate_of, plate_uv
+from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.model_library import vehicle
+from carlaloc_env.assets.number_plates import PLATES, plate_of, plate_uv
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array

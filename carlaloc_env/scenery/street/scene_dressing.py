@@ -10,7 +10,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from carlaloc_env.assets.posts_and_fences import delineator
-from carlaloc_env.assets.trees import FORMS
+from carlaloc_env.assets.tree_forms import FORMS
 from carlaloc_env.core.areas import (
     Area,
     areas_only,

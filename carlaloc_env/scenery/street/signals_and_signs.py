@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from carlaloc_env.assets.posts_and_fences import traffic_light
 from carlaloc_env.assets.signs import sign
+from carlaloc_env.assets.traffic_lights import traffic_light
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.posts_and_fences import construction_site
-from carlaloc_env.assets.signs import billboard
+from carlaloc_env.assets.billboards import billboard
+from carlaloc_env.assets.construction_sites import construction_site
 from carlaloc_env.assets.street_furniture import bus_shelter
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area, areas_only

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.signs import cantilever, countdown_marker, verge_sign
+from carlaloc_env.assets.direction_signs import cantilever, countdown_marker, verge_sign
 from carlaloc_env.assets.texture_atlas import STREET_NAMES
 from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.areas import Area

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 
+from carlaloc_env.assets.direction_signs import BOARD_M, CLEAR_M, direction_board
 from carlaloc_env.assets.primitives import Look, box, placed, tube
-from carlaloc_env.assets.signs import BOARD_M, CLEAR_M, direction_board
 from carlaloc_env.assets.street_furniture import bench, bollard, lamp
 from carlaloc_env.core import elementary
 from carlaloc_env.core.areas import Area

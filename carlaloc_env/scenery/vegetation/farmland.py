@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 import shapely
 
-from carlaloc_env.assets.plants import bale, fence_panel, maize, stalks
+from carlaloc_env.assets.plants import bale, maize, stalks
+from carlaloc_env.assets.posts_and_fences import fence_panel
 from carlaloc_env.assets.trees import DETAILS, tree
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import (

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from carlaloc_env.assets.plants import picket_panel, shrub
-from carlaloc_env.assets.posts_and_fences import fence
+from carlaloc_env.assets.plants import shrub
+from carlaloc_env.assets.posts_and_fences import fence, picket_panel
 from carlaloc_env.assets.primitives import Look, box
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.scene.materials import Material

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from carlaloc_env.assets.signs import billboard
+from carlaloc_env.assets.billboards import billboard
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import densify

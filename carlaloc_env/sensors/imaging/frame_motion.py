@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,8 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.cores import over_bands
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.sensors.imaging.motion_field import SKY_M, SURFACE_RATIO, TILE_PX, ScenePoses, motion_field
-
-if TYPE_CHECKING:
-    pass
 from carlaloc_env.sensors.imaging.frame import Frame, Optics
+from carlaloc_env.sensors.imaging.motion_field import SKY_M, SURFACE_RATIO, TILE_PX, ScenePoses, motion_field
 
 _RIM_PX = np.float32(0.6)
 """A pixel shows what is half a pixel beside it, and a little more for roundings [px]."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -11,9 +10,6 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import clock
 from carlaloc_env.weather.parameters import WeatherParameters
-
-if TYPE_CHECKING:
-    pass
 
 MOST = 90
 """Drops on the lens in rain of 50 mm/h."""

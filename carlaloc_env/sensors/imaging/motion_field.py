@@ -21,7 +21,7 @@ from carlaloc_env.core.cores import over_bands
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.timeline import Snapshot
+from carlaloc_env.timeline.snapshot import Snapshot
 
 SKY_M = 1e6
 """Distance given to the sky [m]."""

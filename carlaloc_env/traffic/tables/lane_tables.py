@@ -1,9 +1,4 @@
-"""The lane network as tables that compiled functions read.
-
-Speed profile: the speed that roads allow at every sample of the lane tables.
-
-Crosswalks by the lanes that they cross.
-"""
+"""Lane network as tables that compiled functions read: lanes, their allowed speeds, their crosswalks."""
 
 from typing import Annotated, NamedTuple
 
@@ -12,16 +7,20 @@ import numpy as np
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Zones, find_rules, find_zones
-from carlaloc_env.traffic.tables.lane_reachability import (
-    GoalPaths,
-    find_goal_paths,
-    road_ends,
-    stretch_demand,
-)
+from carlaloc_env.traffic.tables.lane_demand import stretch_demand
+from carlaloc_env.traffic.tables.lane_reachability import GoalPaths, find_goal_paths, road_ends
 from carlaloc_env.traffic.tables.record_arrays import Flags, fill, packed, starts
 
 WANTED, TAKEN = 1, 2
 """What walkers do with a crossing: they wait to cross, or they walk there or will within seconds."""
+LATERAL_ACCELERATION_MPS2 = 2.9
+"""Comfortable lateral acceleration in bends [m/s²]."""
+COMFORT_BRAKING_MPS2 = 2.0
+"""Braking on which speed tables count when they look ahead [m/s²]."""
+SLOWEST_BEND_MPS = 2.5
+"""Bends are never taken slower: where two arcs meet, maps hold kinks [m/s]."""
+WIDE_M = 2.6
+"""A lane of this width holds any vehicle [m]."""
 
 
 class Crossings:
@@ -46,16 +45,6 @@ def find_crossings(network: LaneNetwork) -> tuple[Index, Crossings]:
     return packed(Crossings, rows)
 
 
-LATERAL_ACCELERATION_MPS2 = 2.9
-"""Comfortable lateral acceleration in bends [m/s²]."""
-
-
-COMFORT_BRAKING_MPS2 = 2.0
-"""Braking on which speed tables count when they look ahead [m/s²]."""
-SLOWEST_BEND_MPS = 2.5
-"""Bends are never taken slower: where two arcs meet, maps hold kinks [m/s]."""
-
-
 def allowed_speeds(network: LaneNetwork) -> Array:
     """Speed allowed at every sample of the lane tables [m/s], (R,).
 
@@ -75,10 +64,6 @@ def allowed_speeds(network: LaneNetwork) -> Array:
         brake = np.sqrt(entry_mps * entry_mps + 2.0 * COMFORT_BRAKING_MPS2 * tables.step_m[long])
         allowed[rows] = np.minimum(allowed[rows], brake)
     return np.ascontiguousarray(allowed)
-
-
-WIDE_M = 2.6
-"""A lane of this width holds any vehicle [m]."""
 
 
 class Lanes:

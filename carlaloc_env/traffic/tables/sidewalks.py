@@ -8,7 +8,9 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.lanes.lanes import Crosswalk
-from carlaloc_env.traffic.tables.lane_reachability import (
+from carlaloc_env.traffic.tables.lane_tables import Crossings, Roads
+from carlaloc_env.traffic.tables.record_arrays import columns, fill, packed, starts
+from carlaloc_env.traffic.tables.walker_network import (
     CROSSWALK,
     SIDEWALK,
     CrosswalkEntries,
@@ -17,8 +19,6 @@ from carlaloc_env.traffic.tables.lane_reachability import (
     WalkerPaths,
     WalkerPathSamples,
 )
-from carlaloc_env.traffic.tables.lane_tables import Crossings, Roads
-from carlaloc_env.traffic.tables.record_arrays import columns, fill, packed, starts
 
 STEP_M = 0.5
 """Spacing of samples along crosswalks [m]."""

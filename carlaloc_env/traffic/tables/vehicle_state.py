@@ -1,10 +1,6 @@
-"""State of vehicles and walkers, and requests to enter junctions: records of compiled functions.
-
-State of vehicles and drivers: record arrays that compiled functions read and write.
+"""State of vehicles and drivers: record arrays that compiled functions read and write.
 
 All have one row more than there are vehicles, N + 1: the last row is the ego.
-
-Requests of vehicles to enter junctions, and junction lanes that are held by those admitted.
 """
 
 from typing import Annotated, NamedTuple
@@ -13,7 +9,6 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns
 
 STEP_S = STEP_NS / 1e9
@@ -151,142 +146,3 @@ def empty_fleet(count: int) -> Fleet:
     fleet.change[:] = 1.0
     fleet.gap_m[:] = fleet.stop_gap_m[:] = np.inf
     return fleet
-
-
-RADIUS_M = 0.3
-"""Half the width of a walker [m]."""
-
-
-class WalkerState:
-    """State of all walkers, W rows."""
-
-    path: Index
-    """Number of the path."""
-    station_m: Array
-    """Station on it [m]."""
-    sense: Index
-    """1 towards its end, −1 towards its start."""
-    side_m: Array
-    """Distance from the path's middle at which it likes to walk, on the `own_side` of the path [m]."""
-    position_m: Annotated[Array, 3]
-    """Position of the feet, world [m], (W, 3)."""
-    velocity_mps: Annotated[Array, 2]
-    """Velocity, world [m/s], (W, 2)."""
-    direction: Annotated[Array, 2]
-    """Cosine and sine of its heading."""
-    pace_mps: Array
-    """Speed it likes to walk at [m/s]."""
-    travelled_m: Array
-    """Distance walked [m]."""
-    waited_s: Array
-    """Time for which it has waited, at the kerb or for another in its path [s]."""
-    crossing: Flags
-    """Whether it has set out over the road."""
-    draws: Index
-    """Number of decisions taken."""
-
-
-class VehicleBoxes:
-    """Boxes of N vehicles as walkers see them; the last row is the ego, (N + 1,)."""
-
-    position_m: Annotated[Array, 2]
-    """Centre [m]."""
-    direction: Annotated[Array, 2]
-    """Cosine and sine of the heading."""
-    half_m: Annotated[Array, 2]
-    """Half length and half width [m]."""
-    speed_mps: Array
-    """Speed [m/s]."""
-    height_m: Array
-    """Height above the sea [m]."""
-
-
-class RequestQueue:
-    """Vehicles that come up to a junction and ask to enter, W rows."""
-
-    vehicle: Index
-    """Number of the vehicle, (W,)."""
-    hop: Index
-    """Index of the first junction lane in the vehicle's plan, (W,)."""
-    distance_m: Array
-    """From its front to that lane [m], (W,)."""
-    urgency: Array
-    """Urgency: requests are decided from the greatest on, (W,)."""
-
-
-class Requests(NamedTuple):
-    """Requests to enter junctions, and the vehicles admitted to each lane, the holders."""
-
-    queue: RequestQueue
-    """The first ``used[0]`` rows are in use."""
-    holder_first: Index
-    """Rows of `holder` for each lane, (N + 1,)."""
-    holder: Index
-    """Vehicle · HELD + slot in its list of held lanes, (N · HELD,)."""
-    claimed: Array
-    """Room claimed on each lane by those admitted to a junction before it [m], (N,)."""
-    used: Index
-    """Requests in use, and the number of the next ticket, (2,)."""
-
-
-def empty_requests(vehicles: int, lanes: int) -> Requests:
-    """Room for all requests of a number of vehicles, one for each lane of each plan at most.
-
-    Args:
-        vehicles: Number of vehicles, the ego not counted.
-        lanes: Number of lanes.
-    """
-    return Requests(
-        queue=columns(RequestQueue, vehicles * PLAN),
-        holder_first=np.zeros(lanes + 1, np.int64),
-        holder=np.zeros((vehicles + 1) * HELD, np.int64),
-        claimed=np.zeros(lanes),
-        used=np.zeros(2, np.int64),
-    )
-
-
-@compiled
-def swap_requests(queue: RequestQueue, a: int, b: int) -> None:
-    """Exchange two rows of the queue."""
-    queue.vehicle[a], queue.vehicle[b] = queue.vehicle[b], queue.vehicle[a]
-    queue.hop[a], queue.hop[b] = queue.hop[b], queue.hop[a]
-    queue.distance_m[a], queue.distance_m[b] = queue.distance_m[b], queue.distance_m[a]
-    queue.urgency[a], queue.urgency[b] = queue.urgency[b], queue.urgency[a]
-
-
-@compiled
-def list_holders(requests: Requests, fleet: Fleet) -> None:
-    """Sort all holders by lane; writes `holder_first` (N + 1,) and `holder`."""
-    first = requests.holder_first
-    first[:] = 0
-    rows, slots = fleet.held_lane.shape
-    for v in range(rows):
-        for k in range(slots):
-            if fleet.held_lane[v, k] >= 0:
-                first[fleet.held_lane[v, k]] += 1
-    for lane in range(1, len(first)):
-        first[lane] += first[lane - 1]
-    # Each lane's end moves down to its beginning, one holder at a time.
-    for v in range(rows - 1, -1, -1):
-        for k in range(slots - 1, -1, -1):
-            lane = fleet.held_lane[v, k]
-            if lane >= 0:
-                first[lane] -= 1
-                requests.holder[first[lane]] = v * HELD + k
-
-
-@compiled
-def holds(fleet: Fleet, v: int, lane: int) -> bool:
-    """Whether a vehicle has been admitted to a lane."""
-    found = False
-    for k in range(HELD):
-        found = found or fleet.held_lane[v, k] == lane
-    return found
-
-
-@compiled
-def drop_holds_ahead(fleet: Fleet, v: int) -> None:
-    """Give up all lanes that the vehicle has not entered."""
-    for k in range(HELD):
-        if fleet.held_lane[v, k] >= 0 and fleet.held_front_m[v, k] < 0.0:
-            fleet.held_lane[v, k] = -1

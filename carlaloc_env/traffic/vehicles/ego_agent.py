@@ -9,8 +9,9 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.jit import compiled
+from carlaloc_env.traffic.tables.lane_geometry import centre_at
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.occupancy import Occupancy, add_body, centre_at
+from carlaloc_env.traffic.tables.occupancy import Occupancy, add_body
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns
 from carlaloc_env.traffic.tables.vehicle_state import HELD, Drivers, Fleet
 from carlaloc_env.traffic.vehicles.poses import place_ahead
@@ -104,7 +105,7 @@ class LaneCells(NamedTuple):
     """Samples, (R,)."""
     lane: Index
     """Lane of each of them, (R,)."""
-    found: TouchedLanes
+    touched: TouchedLanes
     """Room for the lanes that the ego touches, one row a lane."""
 
 
@@ -125,7 +126,7 @@ def build_cells(roads: Roads, driving: Flags) -> LaneCells:
         first=first.astype(np.int64),
         row=rows[order].astype(np.int64),
         lane=owner[rows[order]],
-        found=columns(TouchedLanes, len(driving)),
+        touched=columns(TouchedLanes, len(driving)),
     )
 
 
@@ -162,8 +163,8 @@ def _occupy_lanes(
 ) -> None:
     """Add the ego's body to each lane that its box touches; hold junction lanes that it drives along."""
     west, east, south, north = _cell_range(cells, ego.x_m, ego.y_m)
-    lanes, rows, best = cells.found.lane, cells.found.row, cells.found.distance_m
-    found = 0
+    lanes, rows, best = cells.touched.lane, cells.touched.row, cells.touched.distance_m
+    count = 0
     for j in range(south, north):
         for i in range(west, east):
             cell = j * cells.size[0] + i
@@ -180,15 +181,15 @@ def _occupy_lanes(
                 side = 0.5 * roads.row.width_m[row] + ego.half_length_m * sin + ego.half_width_m * cos
                 if abs(across) > side - _OVERLAP_M:
                     continue
-                known = 0
-                while known < found and lanes[known] != lane:
-                    known += 1
-                if known == found:
-                    found += 1
-                    best[known] = np.inf
-                if abs(along) < best[known]:
-                    lanes[known], best[known], rows[known] = lane, abs(along), row
-    for k in range(found):
+                slot = 0
+                while slot < count and lanes[slot] != lane:
+                    slot += 1
+                if slot == count:
+                    count += 1
+                    best[slot] = np.inf
+                if abs(along) < best[slot]:
+                    lanes[slot], best[slot], rows[slot] = lane, abs(along), row
+    for k in range(count):
         lane, row = lanes[k], rows[k]
         c, s = roads.row.tangent[row, 0], roads.row.tangent[row, 1]
         along = (ego.x_m - roads.row.position_m[row, 0]) * c + (ego.y_m - roads.row.position_m[row, 1]) * s

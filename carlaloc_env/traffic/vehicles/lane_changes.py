@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
+from carlaloc_env.traffic.tables.lane_geometry import centre_at, station_beside, width_at
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.occupancy import Occupancy, centre_at, station_beside, width_at
-from carlaloc_env.traffic.tables.record_arrays import happens
+from carlaloc_env.traffic.tables.occupancy import Occupancy
+from carlaloc_env.traffic.tables.request_queue import drop_holds_ahead
+from carlaloc_env.traffic.tables.uniform_draws import happens
 from carlaloc_env.traffic.tables.vehicle_state import (
     PAST,
     REFUSED_ROOM,
@@ -19,10 +21,9 @@ from carlaloc_env.traffic.tables.vehicle_state import (
     DriverParameters,
     Drivers,
     Fleet,
-    drop_holds_ahead,
 )
-from carlaloc_env.traffic.vehicles.car_following import is_safe, mobil_incentive
 from carlaloc_env.traffic.vehicles.lane_plans import change_goal, find_goal_path, plan_ahead
+from carlaloc_env.traffic.vehicles.mobil import is_safe, mobil_incentive
 
 DECIDE_EVERY = 10
 """Steps between two decisions about a lane change: 0.5 s; ours."""

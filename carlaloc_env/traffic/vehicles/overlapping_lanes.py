@@ -15,8 +15,9 @@ from carlaloc_env.core.jit import compiled
 from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Links
+from carlaloc_env.traffic.tables.lane_geometry import station_beside
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.occupancy import Occupancy, on_origin, station_beside
+from carlaloc_env.traffic.tables.occupancy import Occupancy, on_origin
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
 from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, STANDING_MPS, Drivers, Fleet
 
@@ -108,7 +109,7 @@ def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: 
     near = _pairs(network, owner[rows], tree, NEAR_M, junction)
     onward = {a: _onward(network, after, a) for a in set(near[:, :2].ravel().tolist())}
     pairs = {(a, b) for a, b in near[:, :2].tolist() if b not in onward[a] and a not in onward[b]}
-    found: list[list[tuple[float, float, tuple[int, int]]]] = [[] for _ in network.lanes]
+    pieces_of: list[list[tuple[float, float, tuple[int, int]]]] = [[] for _ in network.lanes]
     wide = _pairs(network, owner[rows], tree, CLEAR_M, junction) if pairs else near
     for a, b in sorted(pairs):
         both = wide[(wide[:, 0] == a) & (wide[:, 1] == b)]
@@ -117,9 +118,9 @@ def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: 
         )
         if min(np.ptp(at_a), np.ptp(at_b)) < _SHORTEST_M:
             continue
-        found[a].append((float(at_a.min()), float(at_a.max()), (a, b)))
-        found[b].append((float(at_b.min()), float(at_b.max()), (b, a)))
-    flat = [piece for pieces in found for piece in sorted(pieces)]
+        pieces_of[a].append((float(at_a.min()), float(at_a.max()), (a, b)))
+        pieces_of[b].append((float(at_b.min()), float(at_b.max()), (b, a)))
+    flat = [piece for pieces in pieces_of for piece in sorted(pieces)]
     number = {key: k for k, (_, _, key) in enumerate(flat)}
     piece = fill(
         SharedPieces,
@@ -128,7 +129,7 @@ def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: 
         leave_m=[leave for _, leave, _ in flat],
         twin=[number[key[::-1]] for _, _, key in flat],
     )
-    return Overlaps(starts(found), piece)
+    return Overlaps(starts(pieces_of), piece)
 
 
 def _pairs(network: LaneNetwork, owner: Index, tree: cKDTree, range_m: float, junction: Index) -> Index:
@@ -145,16 +146,16 @@ def _pairs(network: LaneNetwork, owner: Index, tree: cKDTree, range_m: float, ju
 
 def _onward(network: LaneNetwork, after: Links, lane: int) -> set[int]:
     """Lanes that begin within a short distance behind a lane's end."""
-    found: set[int] = set()
+    lanes: set[int] = set()
     waiting = [(lane, 0.0)]
     while waiting:
         here, distance_m = waiting.pop()
         for n in after[here]:
-            if n not in found:
-                found.add(n)
+            if n not in lanes:
+                lanes.add(n)
                 if distance_m + network.lanes[n].length_m < _ONWARD_M:
                     waiting.append((n, distance_m + network.lanes[n].length_m))
-    return found
+    return lanes
 
 
 @compiled
@@ -209,11 +210,11 @@ def gather_approaches(
         half = 0.5 * drivers.length_m[v]
         range_m = _RANGE_M + _RANGE_S * fleet.speed_mps[v]
         begins, begun, ends = -fleet.station_m[v], -np.inf, -np.inf
-        known = 0
-        while known < PAST and fleet.past[v, known] >= 0:
-            begins -= roads.lane.length_m[fleet.past[v, known]]
-            known += 1
-        for k in range(-known, PLAN):
+        behind = 0
+        while behind < PAST and fleet.past[v, behind] >= 0:
+            begins -= roads.lane.length_m[fleet.past[v, behind]]
+            behind += 1
+        for k in range(-behind, PLAN):
             lane = fleet.past[v, -k - 1] if k < 0 else fleet.plan[v, k]
             if lane < 0 or begins - half > range_m:
                 break

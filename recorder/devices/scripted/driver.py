@@ -5,7 +5,7 @@ import math
 from carlaloc_env.core import clock
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.traffic.signals import SignalState

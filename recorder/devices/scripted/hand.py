@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import count
 
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.human import HumanDevice, wheel_steer
 from recorder.devices.inputs import Inputs

@@ -17,7 +17,8 @@ from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import GRAVITY_MPS2
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.core.elementary_kernels import arctan, exp
-from carlaloc_env.physics.params import VehicleParams, motor_force_n
+from carlaloc_env.physics.drivetrain import motor_force_n
+from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.scripted.route_profile import DriverRoute
 
 

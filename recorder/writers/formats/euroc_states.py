@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.motion import Motion
 from recorder.writers.base import DEFAULT_EPOCH_NS, write_text
 
 STATE_HEADER = (

@@ -6,7 +6,7 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from carlaloc_env.core.files.output_paths import path_below
-from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.evaluation.trajectory_files import tum_text
 from recorder.writers.base import DEFAULT_EPOCH_NS, write_text

@@ -10,7 +10,7 @@ from carlaloc_env.core.errors import CarlaLocError, ConfigError, OutputError, ch
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.map.sources import identify_town
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.presets import weather_by_name
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import Condition
 

@@ -8,7 +8,7 @@ from shared_fixtures.drives.driver_runs import FRONT_M, drive, jerk, route_of
 
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.core.ego import Controls
-from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.scripted.driver import ScriptedDriver
 

@@ -28,7 +28,7 @@ from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 
 def soup(count: int, seed: int, low_m: tuple[float, ...], high_m: tuple[float, ...], size_m: float) -> Mesh:

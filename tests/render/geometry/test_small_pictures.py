@@ -14,7 +14,7 @@ from carlaloc_env.render.lighting import shadow_maps
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, concatenate_instances, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 SMALL = Pinhole.from_fov(84, 84, 90.0)
 

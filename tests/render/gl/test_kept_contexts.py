@@ -12,7 +12,7 @@ from carlaloc_env.render.lighting.shader_constants import shader_constants
 from carlaloc_env.render.shader_programs import give_back, take_programs
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, ModelLibrary
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.render.lighting import sky_model
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 NOON = replace(PRESETS["ClearNoon"], fog_density=0.0)
 

@@ -25,7 +25,8 @@ from carlaloc_env.render.lighting.light_sources import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
+from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

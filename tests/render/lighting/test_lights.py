@@ -32,7 +32,8 @@ from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
+from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

@@ -13,7 +13,7 @@ from carlaloc_env.render.rain_layer import developed
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

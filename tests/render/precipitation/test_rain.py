@@ -28,7 +28,8 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
-from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
+from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

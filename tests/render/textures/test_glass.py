@@ -12,7 +12,7 @@ from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

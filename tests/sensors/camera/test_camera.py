@@ -24,7 +24,7 @@ from carlaloc_env.sensors.camera import CameraSensor
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

@@ -20,7 +20,7 @@ from carlaloc_env.sensors.imaging.frame_motion import FrameMotion, passing_surfa
 from carlaloc_env.sensors.imaging.imager import Imager
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 from carlaloc_env.sensors.imaging.shutter import exposed, picked
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 STEP_NS = 50_000_000
 SHAPE = (200, 300)

@@ -23,7 +23,7 @@ from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 pytestmark = pytest.mark.soak
 SMALL = Pinhole.from_fov(640, 360, 90.0)

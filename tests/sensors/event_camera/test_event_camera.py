@@ -9,13 +9,13 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.envs.base_env import Observer
+from carlaloc_env.envs.observer import Observer
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig, EventConfig
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 from carlaloc_env.weather.schedule import WeatherSchedule
 
 need_opengl()

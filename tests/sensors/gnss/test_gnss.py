@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.core.map_projection import projected_reference
-from carlaloc_env.envs.base_env import values_of
+from carlaloc_env.envs.observer import values_of
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.gnss_satellites import CONSTELLATIONS, dilution

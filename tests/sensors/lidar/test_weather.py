@@ -11,7 +11,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 

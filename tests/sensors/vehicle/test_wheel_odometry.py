@@ -14,7 +14,8 @@ from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.samples import WheelTicks
 from carlaloc_env.sensors.vehicle import WheelsConfig
-from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
+from carlaloc_env.timeline.actors import empty_catalog, empty_frame
+from carlaloc_env.timeline.timeline import Timeline
 
 WORLD: Any = SimpleNamespace(seed=3)
 RADIUS_M, TRACK_M = 0.311, 1.58

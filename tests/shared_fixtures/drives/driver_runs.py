@@ -7,7 +7,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
-from carlaloc_env.driving.road_ahead import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld

@@ -4,7 +4,7 @@ import numpy as np
 
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.timeline.actor_quantisation import on_grid
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from recorder.episode.ego_messages import EgoRow
 from recorder.episode.writer import EpisodeHeader, EpisodeWriter
 

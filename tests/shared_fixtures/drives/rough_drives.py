@@ -13,7 +13,8 @@ from carlaloc_env.physics.params import RIDES, VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road.road_profile import LevelGrid, Relief, Roughness
 from carlaloc_env.road.rough_surface import class_level
-from carlaloc_env.timeline.ego_spline import EgoTrack, Motion
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.motion import Motion
 
 SPEED_MPS = 50.0 / 3.6
 MESH_STEP_M = 2.5

@@ -14,10 +14,10 @@ from carlaloc_env.core.transforms import transform
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.timeline.timeline import Snapshot
+from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
 GRID = (8, 5)

@@ -17,9 +17,15 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scene.signal_lenses import SignalLenses
+from carlaloc_env.timeline.actors import (
+    ActorCatalog,
+    ActorFrame,
+    empty_catalog,
+    empty_frame,
+)
 from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline, empty_catalog, empty_frame
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.presets import PRESETS
 
 Path = Callable[[Array], tuple[Array, Array]]
 

@@ -15,7 +15,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.town.town import Town
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 SIZE_PX = (464, 258)
 """Size at which the reference picture is printed."""

@@ -12,15 +12,15 @@ from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.route import Route, plan_route
 from carlaloc_env.map.sources import find_town
-from carlaloc_env.traffic.population import TrafficConfig
 from carlaloc_env.traffic.standing_traffic import TrafficTables
-from carlaloc_env.traffic.tables.lane_reachability import (
+from carlaloc_env.traffic.tables.lane_demand import (
     MAIN_STREET_DEMAND,
     ROUTE_DEMAND,
     STREET_REACH_M,
     lane_demand,
     weighted_order,
 )
+from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.world import TrafficWorld
 
 

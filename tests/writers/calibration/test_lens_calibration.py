@@ -21,7 +21,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imaging.frame import Frame, Optics
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 from recorder.writers.calibration.files import write_calibration
 from recorder.writers.rig_calibration import RigCalibration
 

@@ -13,8 +13,10 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu, Odometry
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.timeline.ego_spline import EgoTrack, Motion
-from carlaloc_env.timeline.timeline import Timeline, empty_catalog
+from carlaloc_env.timeline.actors import empty_catalog
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.motion import Motion
+from carlaloc_env.timeline.timeline import Timeline
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
 from recorder.writers.formats.euroc_states import write_state_csv

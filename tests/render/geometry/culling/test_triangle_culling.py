@@ -14,7 +14,7 @@ from carlaloc_env.render.views import NEAR_M, CameraView
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 TURN = transforms.quat_to_matrix(transforms.rpy_to_quat(0.1, -0.2, 1.0))
 POSE = transforms.from_rotation(TURN @ transforms.R_FLU_OPTICAL, (5.0, -3.0, 1.6))

@@ -9,7 +9,7 @@ from carlaloc_env.render import shader_programs
 from carlaloc_env.render.flat_uniforms import hoisted
 from carlaloc_env.render.gl_context import create_context
 from carlaloc_env.scene.mesh import Instances
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 

@@ -17,7 +17,7 @@ from carlaloc_env.render.lighting.light_tiles import DepthRange, TileGroups, eve
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.mesh import Instances
-from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.presets import PRESETS
 
 need_opengl()
 
