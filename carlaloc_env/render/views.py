@@ -17,10 +17,10 @@ from carlaloc_env.core.jit import compiled
 
 NEAR_M = 0.2
 """Nearest distance drawn [m]."""
-
-
 FAR_M = 1500.0
 """Farthest distance drawn [m]."""
+QUALITIES = ("low", "medium", "high")
+"""One sample per pixel; the same with a lens blur of 0.5 px; 2×2 samples resolved before shading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,10 +122,6 @@ def _distances(out: Array, low_m: Array, high_m: Array, normals: Array, offsets:
             gap = max(max(low_m[n, axis] - eye_m[axis], eye_m[axis] - high_m[n, axis]), 0.0)
             far2 += gap * gap
         out[n] = np.sqrt(far2) if inside else np.inf
-
-
-QUALITIES = ("low", "medium", "high")
-"""One sample per pixel; the same with a lens blur of 0.5 px; 2×2 samples resolved before shading."""
 
 
 def check_quality(quality: str) -> str:

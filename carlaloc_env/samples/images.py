@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.samples.base import Sample, check_arrays
 
+EVENT = np.dtype([("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
+"""One event, 13 bytes: time since the drive began [ns], column, row [px], 1 = brighter or 0 = darker."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Image(Sample):
@@ -73,10 +76,6 @@ class NormalImage(Sample):
     def observed(self) -> NDArray[np.float32]:
         """The normals."""
         return self.normal
-
-
-EVENT = np.dtype([("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
-"""One event, 13 bytes: time since the drive began [ns], column, row [px], 1 = brighter or 0 = darker."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

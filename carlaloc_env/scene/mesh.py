@@ -26,6 +26,7 @@ EGO_INSTANCE = 1 << 23
 """Instance id of the ego's own body; static things lie below, other actors above."""
 VERTEX_FIELDS = ("vertices_m", "normals", "uv_m", "colour", "material", "tag", "instance")
 """Attributes of a mesh that have a row for every vertex."""
+_FIELDS = ("triangles", *VERTEX_FIELDS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -192,9 +193,6 @@ def concatenate_instances(parts: Sequence[Instances]) -> Instances:
     return Instances(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Instances.__slots__}
     )
-
-
-_FIELDS = ("triangles", *VERTEX_FIELDS)
 
 
 def meshes_to_arrays(meshes: Sequence[Mesh]) -> dict[str, NDArray[Any]]:

@@ -15,6 +15,9 @@ from carlaloc_env.core.clock import TICK_NS, Schedule
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.sensors.base import Mount, SensorConfig
 
+OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
+"""What a camera can give; stream names are ``<output>_<name>``."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImagerConfig:
@@ -161,10 +164,6 @@ def beginning_ns(stamp_ns: int, period_ns: int, restart_ns: int) -> int:
 def rounded_up_ns(stamp_ns: int, period_ns: int) -> int:
     """The next multiple of a period, or the stamp itself [ns]."""
     return -(-stamp_ns // period_ns) * period_ns
-
-
-OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
-"""What a camera can give; stream names are ``<output>_<name>``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,7 +25,6 @@ ORIENTATIONS = ("none", "truth")
 """What `ImuConfig.orientation` may be."""
 _DPS, _G = math.pi / 180.0, GRAVITY_MPS2
 """One degree [rad] and one g [m/s²], the units of data sheets."""
-
 IMU_GRADES: dict[str, dict[str, float]] = {
     "paper": {},
     "adis16448": {
@@ -87,6 +86,12 @@ IMU_GRADES: dict[str, dict[str, float]] = {
 figures those of its data sheet; ``consumer`` follows the MPU-9250's and ``tactical`` the ADIS16490's
 data sheet, ``rt3003`` those of OXTS's RT3000 v2 and v3 (KITTI's car had an RT3003). Their walks, and the
 scale and mounting errors left after calibration, are ours."""
+_FIGURES = (
+    "accel_noise_density", "gyro_noise_density", "accel_random_walk", "gyro_random_walk",
+    "accel_bias_instability", "gyro_bias_instability", "accel_turn_on_bias", "gyro_turn_on_bias",
+    "scale_error", "misalignment_rad", "accel_range_mps2", "gyro_range_radps", "orientation_noise_rad",
+)  # fmt: skip
+"""Fields of `ImuConfig` that must be finite and not negative."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,14 +153,6 @@ class ImuConfig(SensorConfig):
     def build(self, world: World) -> ImuSensor:
         """The IMU in a world."""
         return ImuSensor(self, world.seed)
-
-
-_FIGURES = (
-    "accel_noise_density", "gyro_noise_density", "accel_random_walk", "gyro_random_walk",
-    "accel_bias_instability", "gyro_bias_instability", "accel_turn_on_bias", "gyro_turn_on_bias",
-    "scale_error", "misalignment_rad", "accel_range_mps2", "gyro_range_radps", "orientation_noise_rad",
-)  # fmt: skip
-"""Fields of `ImuConfig` that must be finite and not negative."""
 
 
 class ImuSensor(Sensor):

@@ -11,6 +11,10 @@ from carlaloc_env.core.array_types import Array
 
 _BLOCK = 200
 """Samples whose numbers are drawn at once."""
+_FLICKER_TIMES_S = (3.0, 30.0, 300.0, 3000.0)
+"""Correlation times whose sum is flat in the Allan plot over three decades [s]."""
+_FLICKER_LEVEL = 0.7631
+"""Mean of the Allan deviation between 10 s and 1000 s of the sum of these processes at unit variance."""
 
 
 def white(seed: int, name: str, stamp_ns: int, count: int) -> Array:
@@ -112,12 +116,6 @@ class GaussMarkov(_Blocks):
         values, _ = lfilter([1.0], [1.0, -self._phi], drive, axis=0, zi=self._phi * self._ends[block][None])
         result: Array = values
         return result
-
-
-_FLICKER_TIMES_S = (3.0, 30.0, 300.0, 3000.0)
-"""Correlation times whose sum is flat in the Allan plot over three decades [s]."""
-_FLICKER_LEVEL = 0.7631
-"""Mean of the Allan deviation between 10 s and 1000 s of the sum of these processes at unit variance."""
 
 
 class Flicker:
