@@ -27,7 +27,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.lidar.scan_pattern import ScanPattern
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.presets import weather_by_name

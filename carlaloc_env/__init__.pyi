@@ -47,8 +47,8 @@ from carlaloc_env.sensors.base import SensorConfig as SensorConfig
 from carlaloc_env.sensors.camera_config import CameraConfig as CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig as GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig as ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig as LidarConfig
-from carlaloc_env.sensors.ranging_config import RadarConfig as RadarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig as LidarConfig
+from carlaloc_env.sensors.radar_config import RadarConfig as RadarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS as SENSOR_KINDS
 from carlaloc_env.sensors.vehicle import SpeedConfig as SpeedConfig
 from carlaloc_env.sensors.vehicle import WheelsConfig as WheelsConfig

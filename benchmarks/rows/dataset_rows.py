@@ -14,7 +14,7 @@ from timing import Timing, time_calls
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.drive.record import RecordConfig, record
 from recorder.replaying.replay import ReplayConfig, replay
 

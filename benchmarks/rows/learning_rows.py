@@ -27,7 +27,7 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 
 HUNDRED = "dynamic,vehicles=100,walkers=0"
 GENTLE = np.array([0.0, 0.2], np.float32)

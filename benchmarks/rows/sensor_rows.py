@@ -13,7 +13,7 @@ from timing import time_calls
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 
 CROWDED = 60

@@ -13,13 +13,13 @@ from gymnasium import spaces
 
 from carlaloc_env.samples import RadarScan, Sample
 from carlaloc_env.sensors.base import Sensor, World
+from carlaloc_env.sensors.radar_config import RadarConfig
 from carlaloc_env.sensors.radar_detector import Detector
 from carlaloc_env.sensors.radar_equation import (
     join,
     merge_cells,
 )
 from carlaloc_env.sensors.radar_targets import RadarView
-from carlaloc_env.sensors.ranging_config import RadarConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WeatherParameters
 

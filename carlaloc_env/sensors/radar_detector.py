@@ -9,6 +9,7 @@ from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import RadarScan
 from carlaloc_env.sensors.base import World
+from carlaloc_env.sensors.radar_config import RadarConfig
 from carlaloc_env.sensors.radar_directions import direction, dot, out_of
 from carlaloc_env.sensors.radar_equation import (
     RadarEchoes,

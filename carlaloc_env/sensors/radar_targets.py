@@ -34,7 +34,7 @@ from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
-    from carlaloc_env.sensors.ranging_config import RadarConfig
+    from carlaloc_env.sensors.radar_config import RadarConfig
 
 Cast = Callable[[Array, Array], Hits]
 """First hits of rays given by origins [m] and unit directions, world, each (M, 3)."""

@@ -17,8 +17,8 @@ from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.rigs.memory import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
 from carlaloc_env.rigs.presets import RIGS
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig
+from carlaloc_env.sensors.lidar_config import ReceiverConfig
 from carlaloc_env.sensors.limits import LIMITS, RATE, SENSORS_MAX
-from carlaloc_env.sensors.ranging_config import ReceiverConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 
 PAGE = Path(__file__).parents[1] / "sensors.md"

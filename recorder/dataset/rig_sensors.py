@@ -8,7 +8,7 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 
 
 def lidar_of(rig: SensorRig) -> LidarConfig:

@@ -20,7 +20,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.dataset.bag_messages import stamps_in
 from recorder.dataset.feed_readings import NEXT, FeedReadings
 from recorder.dataset.folder_readings import FolderReadings

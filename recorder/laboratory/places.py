@@ -15,7 +15,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Image, PointCloud, Sample
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.dataset.rig_sensors import first_camera_of, lidar_of
 from recorder.episode.episode import Episode

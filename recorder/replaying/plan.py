@@ -21,7 +21,7 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events, Image, PointCloud
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats
 from recorder.dataset.manifest import drive_origin, has_drive

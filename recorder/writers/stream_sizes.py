@@ -14,7 +14,7 @@ from carlaloc_env.samples import (
     SemanticImage,
 )
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.writers.topic_profiles import profile_by_name
 
 RETURNS = 0.9

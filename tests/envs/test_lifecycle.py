@@ -21,7 +21,7 @@ from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 
 REST = np.array([0.0, -1.0], np.float32)
 RIGS = {

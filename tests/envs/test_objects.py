@@ -17,7 +17,7 @@ from carlaloc_env.samples import ObjectList, PointCloud, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 
 GO = np.array([0.0, 0.6], np.float32)
 

@@ -13,7 +13,7 @@ from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.sensors.vehicle import SpeedConfig
 
 pytest.importorskip("open3d", reason="open3d is not installed")

@@ -15,7 +15,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.dataset.scans import Scan
 from recorder.evaluation.align import Alignment, Similarity
 from recorder.evaluation.evaluate import evaluate

@@ -15,7 +15,7 @@ from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.laboratory.place_baselines import (
     Vlad,
     closure_similarity,

@@ -13,8 +13,8 @@ from carlaloc_env.rigs.memory import available_bytes, check_memory, estimated_by
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.camera_config import CameraConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.sensors.limits import LIMITS, SENSORS_MAX
-from carlaloc_env.sensors.ranging_config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.sensors.vehicle import SpeedConfig
 

@@ -13,7 +13,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig, ReceiverConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.sensors.vehicle import SpeedConfig
 

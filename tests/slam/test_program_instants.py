@@ -14,7 +14,7 @@ from carlaloc_env.core.transforms import matrix_to_quat
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory import Trajectory
 from recorder.slam.system import FrameClock

@@ -18,7 +18,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from carlaloc_env.core.errors import RaycastError, RenderError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric

@@ -17,7 +17,7 @@ from localizability import (
 import carlaloc_env
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 

@@ -9,7 +9,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.raycast import Hits
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.sensors.ranging_config import ReceiverConfig
+from carlaloc_env.sensors.lidar_config import ReceiverConfig
 
 PULSE_LENGTH_M = 0.6
 """Surfaces nearer to each other than this give one echo between them [m]."""

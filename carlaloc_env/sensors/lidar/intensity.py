@@ -22,7 +22,7 @@ from carlaloc_env.sensors.lidar.kernels import strengths
 from carlaloc_env.sensors.lidar.reflection import echo_power, reflection_table
 
 if TYPE_CHECKING:
-    from carlaloc_env.sensors.ranging_config import LidarConfig
+    from carlaloc_env.sensors.lidar_config import LidarConfig
 
 BEAM_MRAD = 3.0
 """Width of a beam whose divergence is not given [mrad] (HDL-32E: 2.79 × 1.4)."""

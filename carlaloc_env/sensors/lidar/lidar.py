@@ -29,7 +29,7 @@ from carlaloc_env.sensors.lidar.kernels import (
 from carlaloc_env.sensors.lidar.receiver import Receiver
 from carlaloc_env.sensors.lidar.scan_pattern import Cast, ScanPattern
 from carlaloc_env.sensors.lidar.spray import spray_ranges
-from carlaloc_env.sensors.ranging_config import OUTPUTS, LidarConfig
+from carlaloc_env.sensors.lidar_config import OUTPUTS, LidarConfig
 from carlaloc_env.sensors.stochastic_processes import white
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WeatherParameters

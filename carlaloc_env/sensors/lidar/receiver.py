@@ -30,7 +30,7 @@ from carlaloc_env.sensors.lidar.reflection import (
     reflectance_towards_source,
     reflection_table,
 )
-from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig, ReceiverConfig
 
 ROAD_TAGS = (Tag.ROAD, Tag.ROAD_LINE)
 _SPREAD = 1.0 / math.sqrt(12.0)

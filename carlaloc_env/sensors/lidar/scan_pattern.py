@@ -27,7 +27,7 @@ from carlaloc_env.sensors.lidar.kernels import (
 )
 from carlaloc_env.sensors.lidar.receiver import ground_relief
 from carlaloc_env.sensors.lidar.surface_details import surface_details
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 
 

@@ -18,7 +18,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig, EventConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town

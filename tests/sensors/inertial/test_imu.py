@@ -15,7 +15,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.sensors.vehicle import SpeedConfig
 
 

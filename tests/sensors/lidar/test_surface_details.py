@@ -9,7 +9,7 @@ from shared_fixtures.readings.lidar_scans import MOUNT, sweep
 
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 

@@ -7,7 +7,7 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.weather.parameters import WeatherParameters
 
 HEIGHT = 1.85

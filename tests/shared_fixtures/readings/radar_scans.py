@@ -5,7 +5,7 @@ from typing import Any
 
 from carlaloc_env.samples import RadarScan
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.ranging_config import RadarConfig
+from carlaloc_env.sensors.radar_config import RadarConfig
 
 HEIGHT = 0.75
 """Height of the radar above the ground [m]."""

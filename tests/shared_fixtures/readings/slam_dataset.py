@@ -14,7 +14,7 @@ from carlaloc_env.samples import Imu, PointCloud
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.dataset.checksums import write_checksums
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import SequenceDescription, write_manifest

@@ -221,7 +221,7 @@ def test_rig_from_sensor_configurations() -> None:
     from carlaloc_env.sensors.camera_config import CameraConfig
     from carlaloc_env.sensors.gnss import GnssConfig
     from carlaloc_env.sensors.imu import ImuConfig
-    from carlaloc_env.sensors.ranging_config import LidarConfig
+    from carlaloc_env.sensors.lidar_config import LidarConfig
 
     configs = (
         CameraConfig(name="left", mount=Mount(position_m=(1.8, 0.2, 1.4), axes="optical")),
