@@ -19,7 +19,6 @@ from carlaloc_env.sensors.radar_equation import (
     rain_loss_db_per_m,
     snr_at,
 )
-from carlaloc_env.sensors.ranging_config import RadarConfig
 from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.weather.parameters import WeatherParameters
 

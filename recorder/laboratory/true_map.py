@@ -16,7 +16,7 @@ from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.raycast.surface import import_open3d
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.timeline.actors import empty_catalog
 from carlaloc_env.timeline.timeline import Timeline
 

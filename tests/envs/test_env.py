@@ -24,7 +24,7 @@ from carlaloc_env.envs.task.referee import TERMS
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.ranging_config import LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.weather.presets import weather_by_name
 from carlaloc_env.weather.schedule import weather_of
 

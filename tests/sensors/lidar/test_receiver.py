@@ -17,7 +17,7 @@ from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.lidar import reflection
-from carlaloc_env.sensors.ranging_config import LidarConfig, ReceiverConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig, ReceiverConfig
 from carlaloc_env.weather.presets import PRESETS
 
 pytest.importorskip("open3d", reason="open3d is not installed")
