@@ -171,7 +171,7 @@ def pedalling(tables: Families, family: Index, travelled_m: NDArray[np.floating]
 
 
 def steer_step(steer_rad: NDArray[np.floating]) -> Index:
-    """Which of the stored angles comes nearest to the front wheels' angle, shape (N,)."""
+    """Number of the stored angle nearest to the front wheels' angle, shape (N,)."""
     step = np.rint(np.asarray(steer_rad, dtype=np.float64) / STEER_STEP_RAD).astype(np.intp)
     return np.clip(step, -_STEER_STEPS, _STEER_STEPS)
 

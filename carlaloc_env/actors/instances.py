@@ -1,4 +1,4 @@
-"""Where the movable models stand: from the state of actors, signals and ego to `Instances`.
+"""Placing of movable models: from the state of actors, signals and ego to `Instances`.
 
 Shapes of actors for rays: the ones that cameras see, at the time of each ray.
 """

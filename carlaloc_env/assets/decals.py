@@ -62,11 +62,11 @@ class Decals:
             self.sides(look, np.stack([a - across, b - across, b + across, a + across]))
 
     def surface_x(self, y_m: float, z_m: float, facing: float) -> float:
-        """Where the nose (facing +1) or tail (−1) lies at a place seen from ahead or behind [m]."""
+        """Position along x of nose (facing +1) or tail (−1) at a place seen from ahead or behind [m]."""
         return float(self._depth((y_m, z_m), 0, facing))
 
     def surface_z(self, x_m: float, y_m: float) -> float:
-        """How high the body reaches at a place seen from above [m]."""
+        """Height of the body at a place seen from above [m]."""
         return float(self._depth((x_m, y_m), 2, 1.0))
 
     def _depth(self, point: tuple[float, float], axis: int, facing: float) -> float:

@@ -25,7 +25,7 @@ def plate_text(index: int) -> str:
 
 
 def plate_of(actor_id: np.ndarray) -> np.ndarray:
-    """Which of the plates each actor wears, by its instance id, shape (N,)."""
+    """Number of the plate that each actor wears, by its instance id, shape (N,)."""
     mixed = actor_id.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     return (mixed >> np.uint64(40)).astype(np.int64) % PLATES
 

@@ -31,7 +31,7 @@ def utility_pole(height_m: float = 10.5) -> Mesh:
 
 
 def utility_wires_m(height_m: float = 10.5) -> NDArray[np.float64]:
-    """Where wires leave a utility pole [m], shape (4, 3)."""
+    """Points at which wires leave a utility pole [m], shape (4, 3)."""
     return np.array([(0.12, y, height_m - 0.38) for y in (-1.0, -0.4, 0.4, 1.0)])
 
 

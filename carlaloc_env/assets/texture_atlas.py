@@ -1,4 +1,4 @@
-"""Which cell of an atlas texture holds which picture, and its texture coordinates.
+"""Cells of the atlas textures: the picture that each holds, and its texture coordinates.
 
 An atlas layer is a square of `tile_m` metres cut into equal cells; cell 0 lies at the lower left
 (u = v = 0), cells count to the right, then upwards. v grows upwards on a wall.

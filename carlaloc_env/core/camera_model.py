@@ -111,7 +111,7 @@ class Lens:
         return x * scale, y * scale
 
     def undistortion_px(self, own: Pinhole, plain: Pinhole) -> tuple[F32, F32]:
-        """Where pixels of an image without distortion lie in the camera's, u and v [px], shape (H, W) each.
+        """Positions in the camera of pixels of an image without distortion, u and v [px], shape (H, W) each.
 
         Args:
             own: Pinhole of the camera.

@@ -35,7 +35,7 @@ def stamp_ns(tick: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """When a sensor measures, counted in ticks so that it cannot drift."""
+    """Schedule of a sensor's measurements, counted in ticks so that it cannot drift."""
 
     period_ticks: int
     """Ticks between two measurements."""

@@ -30,7 +30,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """The same for a function that becomes a part of those that call it.
+    """Compile a function that becomes a part of those that call it.
 
     A call hands over every array as several numbers, which takes longer than a short kernel.
     """

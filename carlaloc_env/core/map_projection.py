@@ -24,7 +24,7 @@ _STEP_M = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProjectedReference(GeoReference):
-    """Where a projected world lies on the Earth.
+    """Place of a projected world on the Earth.
 
     World x and y are metres of the projection, turned and shifted, so that they run along its grid, not to
     true east and north; world z is a height: a flat map stays level everywhere. Latitude, longitude and

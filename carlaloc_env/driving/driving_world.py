@@ -144,12 +144,12 @@ class DrivingWorld:
 
     @property
     def route_s_m(self) -> float:
-        """How far along its route the ego is [m]; keeps growing on a closed route."""
+        """Distance of the ego along its route [m]; keeps growing on a closed route."""
         return self._road.progress_m
 
     @property
     def route_offset_m(self) -> float:
-        """How far left of its route the ego is [m]."""
+        """Offset of the ego to the left of its route [m]."""
         return self._road.offset_m
 
     def tick(self, controls: Controls) -> list[Contact]:

@@ -77,7 +77,7 @@ class RoadAhead:
         catalog: ActorCatalog,
         signals: NDArray[np.uint8],
     ) -> DriverView:
-        """What a driver at the wheel sees now."""
+        """View of a driver at the wheel now."""
         if self._sight is None:
             self._sight = self._observe(state.speed_mps, actors, catalog, signals)
         return DriverView(

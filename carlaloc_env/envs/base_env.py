@@ -24,7 +24,7 @@ class BaseEnv(gymnasium.Env[Any, Any], EzPickle):
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]
-        """How `gymnasium.make` made it, in plain data: `to_json` takes it, and `make` takes it back."""
+        """Specification that `gymnasium.make` made it by, in plain data for `to_json` and back to `make`."""
         return self._spec
 
     @spec.setter

@@ -83,7 +83,7 @@ def exposed(stops: float) -> NDArray[np.uint8]:
 
 
 def dirt(shape: tuple[int, ...], share: float, draws: Draws) -> NDArray[np.float32]:
-    """How far dirt hides each pixel, 0–1, shape (H, W); `share` of them are more than half hidden."""
+    """Cover of each pixel by dirt, 0–1, shape (H, W); `share` of them are more than half hidden."""
     import cv2
 
     height, width = shape

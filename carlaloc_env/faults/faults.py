@@ -113,7 +113,7 @@ class Faults:
         return Faults(sensors=tuple({**dict(other.sensors), **dict(self.sensors)}.items()))
 
     def of(self, config: SensorConfig) -> tuple[str, TimingFaults] | None:
-        """What a sensor's faults were given for, and the faults; None: it has none."""
+        """Name for which a sensor's faults were given, and the faults; None: it has none."""
         faults = dict(self.sensors)
         for target in (f"{config.kind}.{config.name}", config.kind):
             if target in faults:

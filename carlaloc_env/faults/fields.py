@@ -9,7 +9,7 @@ from carlaloc_env.core.errors import ConfigError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """What is known of a field besides its value."""
+    """Properties of a field of faults besides its value."""
 
     neutral: float
     """Value at which the field has no effect."""

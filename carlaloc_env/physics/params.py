@@ -184,7 +184,7 @@ class VehicleParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ride:
-    """How the body answers to the road: the car's springs, and the spectrum of the road's short waves."""
+    """Answer of the body to the road: the car's springs, and the spectrum of the road's short waves."""
 
     vehicle: VehicleParams = VehicleParams()
     """The car."""

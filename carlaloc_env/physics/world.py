@@ -117,7 +117,7 @@ class PhysicsWorld:
         self._actors.update(frame, catalog, np.array(ego), following, ticks)
 
     def contacts(self) -> list[Contact]:
-        """What the ego's body touched since the last call, hardest first."""
+        """Contacts of the ego's body since the last call, hardest first."""
         return self._contacts.take()
 
     def renew_ego(

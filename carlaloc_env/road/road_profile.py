@@ -35,7 +35,7 @@ FOOTPRINT_M = 0.15
 
 
 class LevelTable(NamedTuple):
-    """How rough roads are by place, for compiled functions."""
+    """Roughness of roads by place, for compiled functions."""
 
     level: Array
     """Level at each point, east then north, shape (I, J)."""
@@ -57,7 +57,7 @@ class RoughTable(NamedTuple):
 
 
 class LevelGrid:
-    """How rough roads are by place: heights over those of the unit surface, bilinear on a grid.
+    """Roughness of roads by place: heights over those of the unit surface, bilinear on a grid.
 
     Args:
         low_m: World x and y of the first point [m].

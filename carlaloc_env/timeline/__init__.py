@@ -1,1 +1,1 @@
-"""Where everything was at any time: all that a sensor may ask."""
+"""Motion of the ego, actors and lights over time, as sensors ask it."""

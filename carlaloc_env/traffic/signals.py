@@ -30,7 +30,7 @@ PACE = 0.82
 
 
 class SignalState(IntEnum):
-    """What a signal head shows."""
+    """State of a signal head."""
 
     OFF = 0
     RED = 1
@@ -132,7 +132,7 @@ class SignalPlan:
         return SignalPlan(start_ns, self._green_ns, self._cycle_ns, self._yellow_ns / 1e9)
 
     def at(self, stamp_ns: int) -> SignalsNow:
-        """What every head shows at a time [ns], and when it changes."""
+        """State of every head at a time [ns], and the time of its next change."""
         heads = len(self._start_ns)
         now = SignalsNow(np.empty(heads, np.uint8), np.empty(heads), np.empty(heads))
         _put_signals(self._start_ns, self._green_ns, self._cycle_ns, self._yellow_ns, stamp_ns, *now)

@@ -48,7 +48,7 @@ _NARROWEST_M = 2.5
 
 
 class TownTables(NamedTuple):
-    """What is worked out of a town's lanes and its route."""
+    """Tables worked out of a town's lanes and its route."""
 
     demand: Array
     """Demand for each lane, as `lane_demand` gives it, (N,)."""

@@ -48,7 +48,7 @@ def stop_lines(network: LaneNetwork, route: Route) -> StopLines:
 
 
 def travel_times_s(route: Route, s_m: Array) -> Array:
-    """How long a car needs on a free street to come to distances along its route [s], (L,)."""
+    """Times that a car needs on a free street to come to distances along its route [s], (L,)."""
     step = route.step_m
     bend_mps = np.sqrt(_LATERAL_MPS2 / np.maximum(np.abs(route.curvature_radpm), 1e-4))
     speed = np.minimum(route.speed_limit_mps, bend_mps)

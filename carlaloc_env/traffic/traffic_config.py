@@ -1,4 +1,4 @@
-"""Configuration of traffic: how much there is and how it behaves, named after CARLA's Traffic Manager."""
+"""Configuration of traffic: amount and behaviour, with names of CARLA's Traffic Manager."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _HOUR_S = 3600.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrafficConfig:
-    """How much traffic there is, how it behaves, and its seed."""
+    """Amount of traffic, its behaviour, and its seed."""
 
     vehicles: int = 50
     """Number of vehicles."""

@@ -49,7 +49,7 @@ DENSITY_EVERY = 20
 
 
 class VehicleMap(NamedTuple):
-    """What vehicles read of a town; fixed."""
+    """Tables of a town that vehicles read; fixed."""
 
     roads: Roads
     """Lanes, their samples, paths, zones and crossings."""
@@ -85,7 +85,7 @@ class Traffic(NamedTuple):
 
 
 class StepInput(NamedTuple):
-    """What vehicles see of the rest of the world in one step."""
+    """Rest of the world as vehicles see it in one step."""
 
     ego: EgoBox
     """The ego's box."""

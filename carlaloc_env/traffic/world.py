@@ -143,7 +143,7 @@ class TrafficWorld:
         return self.signal_plan.at(stamp_ns).state
 
     def changing_lanes(self) -> NDArray[np.bool_]:
-        """Which vehicles are moving from one lane to another, (N,)."""
+        """Whether each vehicle is moving from one lane to another, (N,)."""
         result: NDArray[np.bool_] = self._vehicles.fleet.change[:-1] < 1.0
         return result
 

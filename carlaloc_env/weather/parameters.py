@@ -167,13 +167,13 @@ class WeatherParameters:
 
     @property
     def surface_wetness(self) -> float:
-        """How wet the ground is, 0–1; rain and puddles wet it even when `wetness` is 0."""
+        """Wetness of the ground, 0–1; rain and puddles wet it even when `wetness` is 0."""
         soaked = max(self.wetness, 1.5 * self.precipitation, 1.5 * self.precipitation_deposits)
         return min(soaked / 100.0, 1.0)
 
     @property
     def overcast(self) -> float:
-        """How far clouds, rain, fog or dust hide the sun's disc, 0–1.
+        """Share of the sun's disc that clouds, rain, fog or dust hide, 0–1.
 
         Fog counts through the vertical optical depth that it puts before the sun.
         """

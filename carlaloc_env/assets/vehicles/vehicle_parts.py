@@ -15,7 +15,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlateMount:
-    """Where a number plate hangs."""
+    """Place of a number plate on a vehicle."""
 
     position_m: tuple[float, float, float]
     """Middle of the plate in the vehicle's frame [m]."""
@@ -26,7 +26,7 @@ class PlateMount:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LampMount:
-    """Where a headlamp shines from, straight ahead."""
+    """Place of a headlamp, which shines straight ahead."""
 
     position_m: tuple[float, float, float]
     """Its lens in the vehicle's frame [m]."""

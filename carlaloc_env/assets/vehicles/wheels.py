@@ -23,7 +23,7 @@ SIDES = 16
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WheelMount:
-    """Where one wheel hangs on a vehicle."""
+    """Place of one wheel on a vehicle."""
 
     mesh: Mesh
     """The wheel about its axle, outer face at +y."""

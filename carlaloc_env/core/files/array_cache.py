@@ -134,7 +134,7 @@ def cached(
     kept_files: int,
     folder: Path | None = None,
 ) -> T:
-    """What a module makes, from the cache when the same code made it of the same content before.
+    """Result of a module, from the cache when the same code made it of the same content before.
 
     A cache that cannot be read is a miss, one that cannot be written is done without, and so is one that
     belongs to somebody else or that everybody can write to; the log tells.

@@ -15,7 +15,7 @@ _SPARE_BYTES = 32 << 20
 
 
 def recording_path(path: Path) -> Path:
-    """Where the episode `path` stands while it is being recorded."""
+    """Path of the episode `path` while it is being recorded."""
     return path.with_name(path.name + RECORDING_SUFFIX)
 
 

@@ -24,7 +24,7 @@ AGENT_RIGS = ("state", "bev")
 
 
 class AgentView(Protocol):
-    """What an agent sees of a drive."""
+    """View that an agent has of a drive."""
 
     space: spaces.Space[Any]
     """Space of the observations."""
@@ -100,7 +100,7 @@ class SensorView:
 
 
 def rig_of(rig: str | Path | SensorRig | Mapping[str, Any], quality: str) -> str | SensorRig:
-    """What a rig means: `state` and `bev` as they are; a rig's name, its YAML file or plain data as a rig.
+    """Meaning of a rig: `state` and `bev` as they are; a rig's name, its YAML file or plain data as a rig.
 
     Raises:
         ConfigError: there is no such rig, or its pictures of a quality need more memory than there is.
@@ -119,7 +119,7 @@ def rig_of(rig: str | Path | SensorRig | Mapping[str, Any], quality: str) -> str
 
 
 def agent_view(rig: str | SensorRig, world: TaskWorld, stage: SensorStage) -> AgentView:
-    """What an agent sees with a rig, as `rig_of` gives it."""
+    """View of an agent with a rig, as `rig_of` gives it."""
     if isinstance(rig, SensorRig):
         return SensorView(rig, stage)
     return StateView(world, from_above=rig == "bev")

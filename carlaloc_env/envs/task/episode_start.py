@@ -1,4 +1,4 @@
-"""How an episode begins: the options of a reset."""
+"""Beginning of an episode: the options of a reset."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeStart:
-    """What a reset asks for."""
+    """Options of a reset."""
 
     route: str | tuple[Point, ...] = "town"
     """`town`, `random`, or points near lanes that it leads through [m]."""

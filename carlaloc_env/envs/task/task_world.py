@@ -42,11 +42,11 @@ class TaskWorld(Protocol):
 
     @property
     def town(self) -> Town:
-        """Where it is."""
+        """The town of the drive."""
 
     @property
     def route(self) -> Route:
-        """What the ego shall follow."""
+        """The route that the ego shall follow."""
 
     @property
     def timeline(self) -> Timeline:
@@ -62,11 +62,11 @@ class TaskWorld(Protocol):
 
     @property
     def route_s_m(self) -> float:
-        """How far along its route the ego is [m]; keeps growing on a closed route."""
+        """Distance of the ego along its route [m]; keeps growing on a closed route."""
 
     @property
     def route_offset_m(self) -> float:
-        """How far left of its route the ego is [m]."""
+        """Offset of the ego to the left of its route [m]."""
 
     @property
     def stop_lines(self) -> StopLines:

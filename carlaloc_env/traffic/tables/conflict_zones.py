@@ -64,7 +64,7 @@ class Rules(NamedTuple):
 
 
 def find_zones(network: LaneNetwork, junction: Index, after: Links, before: Links) -> tuple[Index, Zones]:
-    """Where each lane's rows begin (N + 1,), and all zones that two lanes of one junction share."""
+    """First row of each lane (N + 1,), and all zones that two lanes of one junction share."""
     members: dict[int, list[int]] = defaultdict(list)
     for lane in np.flatnonzero(junction >= 0).tolist():
         members[int(junction[lane])].append(lane)

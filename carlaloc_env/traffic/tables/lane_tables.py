@@ -37,7 +37,7 @@ class Crossings:
 
 
 def find_crossings(network: LaneNetwork) -> tuple[Index, Crossings]:
-    """Where each lane's rows begin (N + 1,), and all crossings of driving lanes."""
+    """First row of each lane (N + 1,), and all crossings of driving lanes."""
     rows: list[list[tuple[int, int, float, float]]] = [[] for _ in network.lanes]
     for number, crosswalk in enumerate(network.crosswalks):
         for lane, (enter, leave) in zip(crosswalk.lanes, crosswalk.span_m, strict=True):

@@ -48,7 +48,7 @@ def fill(kind: type[T], rows: int, /, **values: Any) -> T:
 
 
 def packed(kind: type[T], rows: Sequence[Sequence[Any]]) -> tuple[Index, T]:
-    """Where each of N rows of records begins (N + 1,), and a table of all records laid end to end.
+    """Beginning of each of N rows of records (N + 1,), and a table of all records laid end to end.
 
     Args:
         kind: Class of the table; a record has its columns in their order.
@@ -60,7 +60,7 @@ def packed(kind: type[T], rows: Sequence[Sequence[Any]]) -> tuple[Index, T]:
 
 
 def starts(rows: Sequence[Sized]) -> Index:
-    """Where each of N rows of different length begins when they are laid end to end, (N + 1,)."""
+    """Beginning of each of N rows of different length when they are laid end to end, (N + 1,)."""
     first = np.zeros(len(rows) + 1, np.int64)
     first[1:] = np.cumsum([len(row) for row in rows])
     return first

@@ -1,1 +1,1 @@
-"""How vehicles follow, change lanes and lean."""
+"""Motion of vehicles: following, lane changes and leaning."""

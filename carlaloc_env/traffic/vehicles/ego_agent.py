@@ -53,7 +53,7 @@ class EgoBox(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EgoView:
-    """What other road users see of the ego."""
+    """The ego as other road users see it."""
 
     position_m: tuple[float, float, float]
     """Centre of the ego's box on the ground [m], world."""

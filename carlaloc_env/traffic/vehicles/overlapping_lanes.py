@@ -98,7 +98,7 @@ def empty_approaches(vehicles: int, rows: int = _ROWS) -> Approaches:
 
 
 def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: Links) -> Overlaps:
-    """Where driving lanes of different roads lie on each other at the same level.
+    """Pieces of driving lanes of different roads that lie on each other at the same level.
 
     Lanes of one junction have their own zones, and lanes that follow each other do not count.
     """
