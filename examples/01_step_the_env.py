@@ -3,9 +3,7 @@
 import gymnasium
 import numpy as np
 
-import carlaloc_env  # noqa: F401  registers the environments
-from carlaloc_env import SensorRig
-from carlaloc_env.core.transforms import quat_to_rpy, wrap_angle
+from carlaloc_env import SensorRig, quat_to_rpy, wrap_angle
 
 TARGET_SPEED_MPS = 8.0
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from carlaloc_env import GnssFix, SensorStage, weather_by_name
-from carlaloc_env.rigs.presets import state_rig
+from carlaloc_env import GnssFix, SensorStage, rig_by_name, weather_by_name
 from recorder import Alignment, Episode, EvaluationResult, Metric, Trajectory, evaluate, town_of
 
 
@@ -15,7 +14,8 @@ def main(drive: Path, seed: int = 0) -> EvaluationResult:
     episode = Episode.load(drive)
     town, timeline = town_of(episode), episode.timeline()
     stage = SensorStage(town, seed=seed, weather=weather_by_name("ClearNoon"))
-    rig = state_rig().build(stage)
+    state_rig = rig_by_name("state")
+    rig = state_rig.build(stage)
     fixes = [s for s in rig.measure(timeline, -1, timeline.end_ns) if isinstance(s, GnssFix)]
 
     stamps = np.array([fix.stamp_ns for fix in fixes])
@@ -24,7 +24,7 @@ def main(drive: Path, seed: int = 0) -> EvaluationResult:
     estimate = Trajectory(
         stamp_ns=stamps, position_m=town.roads.geo.geodetic_to_enu(geodetic), quat_xyzw=level, name="raw GNSS"
     )
-    motion = timeline.ego_motion(stamps).at_mount(state_rig().frames["gnss"])
+    motion = timeline.ego_motion(stamps).at_mount(state_rig.frames["gnss"])
     truth = Trajectory(
         stamp_ns=stamps, position_m=motion.position_m, quat_xyzw=motion.quat_xyzw, name="antenna"
     )

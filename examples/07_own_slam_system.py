@@ -8,11 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from recorder.benchmark.results import Score
-from recorder.benchmark.run import BenchmarkConfig, run_benchmark
-from recorder.dataset.sequence import SlamSequence
-from recorder.slam.system import MIDDLE, FrameClock, StampedPose, System
+from recorder import MIDDLE, BenchmarkConfig, FrameClock, Score, SlamSequence, System, run_benchmark
 
 SYSTEM = System(
     name="first_sweep",
@@ -26,8 +24,8 @@ SYSTEM = System(
 )
 
 
-def run(sequence: SlamSequence, clock: FrameClock) -> Iterator[StampedPose]:
-    """Poses of the LiDAR; good as long as the surfaces of the first sweep are in view."""
+def run(sequence: SlamSequence, clock: FrameClock) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Stamps [ns] and poses of the LiDAR; good as long as the surfaces of the first sweep are in view."""
     import small_gicp
 
     first = None

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recorder import read_tum
-from recorder.dataset.layout import sequences_below
-from recorder.dataset.sequence import SlamSequence
+from recorder import SlamSequence, read_tum, sequences_below
 
 CAMERA = """  - {{cam_name: rgb_{k}, cam_type: gray, cam_model: pinhole, distortion_type: radtan4,
      focal_length: [{p.fx_px}, {p.fy_px}], principal_point: [{p.cx_px}, {p.cy_px}],

@@ -15,8 +15,7 @@ import torch
 from learning.pupil import Pupil
 from learning.town01_route import SKIP, Ride, make_env
 from learning.unseen import score
-from recorder.drive.record import RecordConfig, record
-from recorder.minari import MinariConfig, write_minari
+from recorder import MinariConfig, RecordConfig, record, write_minari
 
 
 def main(

@@ -10,7 +10,7 @@ import ray
 from ray.rllib.algorithms.ppo import PPOConfig
 from ray.tune.registry import register_env
 
-from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env import CarlaLocEnv
 
 
 def main(runners: int = 2, iterations: int = 50, actions: int = 2000) -> tuple[set[int], list[float]]:

@@ -18,7 +18,7 @@ from carlaloc_env.samples import GnssFix, Sample
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.gnss_satellites import CONSTELLATIONS, dilution, least_squares, sky_directions
-from carlaloc_env.sensors.stochastic_processes import GaussMarkov, white
+from carlaloc_env.sensors.stochastic_processes import GaussMarkov, white_noise
 from carlaloc_env.timeline.timeline import Timeline
 
 MODELS = ("white", "satellites")
@@ -147,7 +147,7 @@ class GnssSensor(Sensor):
                 for stamp, position in zip(stamps_ns, truth, strict=True)
             ]
         name = f"{self.config.name}/position"
-        noise = np.array([white(self._seed, name, stamp, 3) for stamp in stamps_ns])
+        noise = np.array([white_noise(self._seed, name, stamp, 3) for stamp in stamps_ns])
         covariance = np.diag(self._sigma_m**2)
         return [
             self._fix(int(stamp), position, covariance, "single", 0)
@@ -193,7 +193,7 @@ class GnssSensor(Sensor):
         if solution == "none" or dilution(directions[used]) > config.pdop_max:
             return self._fix(stamp_ns, np.full(3, np.nan), np.zeros((3, 3)), "none", len(used))
         number = np.array([stamp_ns // (self.schedule.period_ticks * TICK_NS)])
-        noise = white(self._seed, f"{config.name}/code", stamp_ns, len(factor))[used]
+        noise = white_noise(self._seed, f"{config.name}/code", stamp_ns, len(factor))[used]
         slow, echo = self._slow.rows(number)[0, used], self._multipath.rows(number)[0, used]
         weak = factor[used] / np.maximum(directions[used, 2], 0.1)
         grown = 1.0 + config.multipath_growth * hidden

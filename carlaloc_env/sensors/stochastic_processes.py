@@ -17,7 +17,7 @@ _FLICKER_LEVEL = 0.7631
 """Mean of the Allan deviation between 10 s and 1000 s of the sum of these processes at unit variance."""
 
 
-def white(seed: int, name: str, stamp_ns: int, count: int) -> Array:
+def white_noise(seed: int, name: str, stamp_ns: int, count: int) -> Array:
     """Standard normal numbers of one sample, shape (count,)."""
     return clock.stream(seed, name, stamp_ns).standard_normal(count)
 

@@ -15,7 +15,7 @@ from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import Sample, Speed, WheelTicks
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
-from carlaloc_env.sensors.stochastic_processes import white
+from carlaloc_env.sensors.stochastic_processes import white_noise
 from carlaloc_env.timeline.timeline import Timeline
 
 
@@ -139,7 +139,7 @@ class SpeedSensor(Sensor):
                 sensor=self.config.name,
                 frame_id=self.config.frame_id,
                 stamp_ns=int(stamp),
-                speed_mps=float(v + (sigma * white(self._seed, name, stamp, 1)[0] if sigma else 0.0)),
+                speed_mps=float(v + (sigma * white_noise(self._seed, name, stamp, 1)[0] if sigma else 0.0)),
             )
             for stamp, v in zip(stamps_ns, ahead, strict=True)
         ]

@@ -43,8 +43,8 @@ class WeatherParameters:
 
     Their physical meaning is ours, since Unreal's fog density is not an extinction:
 
-    * extinction of the fog at height 0: ``0.0375 · (fog_density / 80)^1.5`` 1/m, so that 80 is a
-      meteorological optical range (MOR, 5 % contrast) of 80 m and 2 is one of 20 km;
+    * extinction of the fog at height 0: ``0.0375 · (fog_density / 80)^1.5`` 1/m. So 80 is a
+      meteorological optical range (MOR, 5 % contrast) of 80 m, and 2 is one of 20 km;
     * the fog thins by 1/e every ``10 / fog_falloff`` metres and begins ``fog_distance`` metres away;
     * precipitation 100 is rain of 50 mm/h (extinction after the Marshall–Palmer drop sizes);
     * the sun's azimuth runs clockwise from east as seen from above.

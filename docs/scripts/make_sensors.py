@@ -27,7 +27,7 @@ HEAD = """\
 
 `docs/scripts/make_sensors.py` writes this page from the docstrings; change those, not this page.
 
-A rig is a list of the configurations below, in Python (`carlaloc_env.rigs.rig.SensorRig`) or in YAML
+A rig is a list of the configurations below, in Python (`carlaloc_env.SensorRig`) or in YAML
 ([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
 divides 200. [Conventions](conventions.md) has frames, units and signs, [topics](topics.md) the messages. In
 YAML, `preset: name` takes the values of a variant; the file's own values override them.

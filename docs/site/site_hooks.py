@@ -17,7 +17,14 @@ from carlaloc_env import TOWNS
 ROOT = Path(__file__).resolve().parents[2]
 FROM_ROOT = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
 """Pages that lie outside docs/, and their names in the site."""
-_LINK = re.compile(r"(\]\()([^)#\s]+)(#[^)]*)?(?=\))")
+_LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)#\s]+)(#[^)]*)?\)")
+
+
+def on_config(config: Any) -> Any:
+    """Name the repository in the menu, where its address is known."""
+    if repository := config.extra["repository"]:
+        config.nav[-1]["Project"].append({"Source": repository})
+    return config
 
 
 def on_files(files: Any, config: Any) -> Any:
@@ -34,12 +41,12 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
-    """Lead links to pages of the site, or to the repository where they name code."""
+    """Lead links to pages of the site, or to the repository where they name code and its address is known."""
     here = {made: source for source, made in FROM_ROOT.items()}.get(page.file.src_uri)
     source = ROOT / here if here else ROOT / "docs" / page.file.src_uri
 
     def lead(match: re.Match[str]) -> str:
-        target, anchor = match[2], match[3] or ""
+        text, target, anchor = match[1], match[2], match[3] or ""
         if "://" in target or target.startswith("mailto:"):
             return match[0]
         path = Path(os.path.normpath(source.parent / target))
@@ -47,9 +54,11 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
         name = FROM_ROOT.get(place, place.removeprefix("docs/"))
         file = files.src_uris.get(name)
         if file is not None and file.inclusion.is_included():
-            return f"{match[1]}{os.path.relpath(name, Path(page.file.src_uri).parent)}{anchor}"
+            return f"[{text}]({os.path.relpath(name, Path(page.file.src_uri).parent)}{anchor})"
+        if not (repository := config.extra["repository"]):
+            return text
         kind = "tree" if path.is_dir() else "blob"
-        return f"{match[1]}{config.extra['repository']}/{kind}/main/{place}{anchor}"
+        return f"[{text}]({repository}/{kind}/main/{place}{anchor})"
 
     return _LINK.sub(lead, markdown)
 

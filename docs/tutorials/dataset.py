@@ -7,8 +7,7 @@
 # %%
 from pathlib import Path
 
-from recorder import ReplayConfig, open_episode, replay, summarise
-from recorder.demo.story import DEMO_DRIVE
+from recorder import DEMO_DRIVE, ReplayConfig, open_episode, replay, summarise
 
 drive = summarise(open_episode(DEMO_DRIVE))
 print(f"{drive.map}: {drive.duration_s:.0f} s, {drive.driven_m:.0f} m, {drive.vehicles} vehicles")
@@ -45,7 +44,7 @@ for path in sorted(Path("data").rglob("*")):
 # `verify` reads all of it back: checksums, numbers of samples, stamps, and whether calibration fits the data.
 
 # %%
-from recorder.verification.verify import verify
+from recorder import verify
 
 print("findings:", verify(Path("data")).findings)
 

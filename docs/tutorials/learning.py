@@ -8,8 +8,7 @@
 import gymnasium
 import numpy as np
 
-import carlaloc_env
-from carlaloc_env.envs.task.state_vector import state_names
+from carlaloc_env import state_names
 
 env = gymnasium.make("CarlaLoc-Town10-v0", rig="state", traffic="empty", action="continuous")
 names = {name: place for place, name in enumerate(state_names())}

@@ -46,18 +46,17 @@ Path("village.osm").write_text(nodes_and_ways())
 # `carlaloc maps import village.osm --out village` makes a town of it; from Python:
 
 # %%
-from carlaloc_env.openstreetmap.import_town import import_town, write_town
+from recorder import import_town
 
-town = import_town(Path("village.osm"))
-write_town(town, Path("village"))
-print({key: town.report[key] for key in ("streets_m", "built_m", "junctions", "buildings", "drives_on")})
+report = import_town(Path("village.osm"), Path("village"), preview=False)
+print({key: report[key] for key in ("streets_m", "built_m", "junctions", "buildings", "drives_on")})
 
 # %% [markdown]
 # The report lists what was guessed. Lanes and sidewalks are not tagged here: they follow from the class of
 # street.
 
 # %%
-print(town.report["guessed"])
+print(report["guessed"])
 
 # %% [markdown]
 # The folder is a town like any other. The sheet shows it from above and from the street.

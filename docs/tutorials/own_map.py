@@ -35,7 +35,7 @@ Path("one_road.xodr").write_text(MAP)
 # `carlaloc maps check one_road.xodr` names what does not fit in a file; from Python:
 
 # %%
-from carlaloc_env.map.checks.report import check_map
+from recorder import check_map
 
 print(check_map(Path("one_road.xodr")).errors or "no errors")
 

@@ -7,8 +7,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from recorder import ReplayConfig, replay
-from recorder.demo.story import DEMO_DRIVE
+from recorder import DEMO_DRIVE, ReplayConfig, replay
 
 result = replay(
     ReplayConfig(

@@ -7,8 +7,7 @@ from typing import Any
 from gymnasium.wrappers import TransformReward
 from stable_baselines3.common.monitor import Monitor
 
-from carlaloc_env.envs.any_town_env import AnyTownEnv
-from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env import AnyTownEnv, CarlaLocEnv
 from learning.eyes import with_eyes
 from learning.others import cut_apart
 from learning.urged import Urged

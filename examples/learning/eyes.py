@@ -9,12 +9,11 @@ from gymnasium.spaces import Box, Dict
 from gymnasium.wrappers import TransformObservation
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
-from carlaloc_env.envs.task.birds_eye_view import CHANNELS, SIZE_PX
-from carlaloc_env.envs.task.state_vector import state_names
+from carlaloc_env import state_names
 
-SHOWN = [CHANNELS.index(name) for name in ("route", "actors", "lights")]
-"""Channels of the picture that the network reads, each pixel the mean of four."""
-SIZE = SIZE_PX // 2
+SHOWN = [2, 3, 4]
+"""Channels of the picture that the network reads (route, actors, lights), each pixel the mean of four."""
+SIZE = 48
 OWN_NAMES = ("speed", "yaw_rate", "road_wheel", "acceleration", "speed_limit", "speed_over_limit", "standing")
 """Entries of the state vector that it also reads: none shows the route or others."""
 OWN = [state_names().index(name) for name in OWN_NAMES]

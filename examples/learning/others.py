@@ -8,7 +8,12 @@ from gymnasium.spaces import Box, Dict
 from gymnasium.wrappers import TransformObservation
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
-from carlaloc_env.envs.task.state_vector import NEIGHBOUR, NEIGHBOURS
+from carlaloc_env import state_names
+
+WIDTH = sum(name.startswith("neighbour_0_") for name in state_names())
+"""Numbers of each of the others."""
+COUNT = sum(name.startswith("neighbour_") for name in state_names()) // WIDTH
+"""The others in the vector."""
 
 
 class OwnAndOthers(BaseFeaturesExtractor):  # type: ignore[misc]
@@ -33,9 +38,8 @@ class OwnAndOthers(BaseFeaturesExtractor):  # type: ignore[misc]
 
 def apart(seen: Any) -> dict[str, Any]:
     """The vector cut into `own`, and `others`, one row each."""
-    width = len(NEIGHBOUR)
-    own = len(seen) - NEIGHBOURS * width
-    return {"own": seen[:own], "others": seen[own:].reshape(NEIGHBOURS, width)}
+    own = len(seen) - COUNT * WIDTH
+    return {"own": seen[:own], "others": seen[own:].reshape(COUNT, WIDTH)}
 
 
 def cut_apart(env: Any) -> Any:

@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from carlaloc_env.core.clock import STEP_TICKS
-from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
-from carlaloc_env.envs.task.referee import Referee
-from recorder.devices.scripted.driver import ScriptedDriver
+from carlaloc_env import CarlaLocEnv, Referee
+from recorder import ScriptedDriver
+
+STEP_TICKS = 10
+"""Ticks of 5 ms in a step."""
 
 UNSEEN = range(10_000, 10_050)
 """The seeds."""

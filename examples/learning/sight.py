@@ -2,13 +2,14 @@
 
 import torch
 
-from carlaloc_env.envs.task.state_vector import AHEAD, EGO, state_names
+from carlaloc_env import state_entries
 
 OWN_DOING = ("yaw_rate", "road_wheel", "acceleration", "lateral_acceleration", "standing")
 """Effects of the driver's last actions: from these, a copy learns to repeat them, without their reason."""
 OWN_SUMS = ("room", "braking", "safe_speed", "corner_speed")
 """The pupil computes these itself, separately for the leader and for the line."""
-NAMES = state_names()
+ENTRIES = state_entries()
+NAMES = list(ENTRIES)
 SEEN = [k for k, name in enumerate(NAMES) if name not in (*OWN_DOING, *OWN_SUMS)]
 """Entries of the state vector that the pupil looks at."""
 NEAR_M = (8.0, 25.0)
@@ -38,7 +39,7 @@ class Sight(torch.nn.Module):  # type: ignore[misc]
 
 
 def _numbers(seen: torch.Tensor) -> torch.Tensor:
-    of = {entry.name: seen[..., NAMES.index(entry.name)] * entry.scale for entry in (*EGO, *AHEAD)}
+    of = {name: seen[..., k] * entry.scale for k, (name, entry) in enumerate(ENTRIES.items())}
     gap_m, light_m = of["gap"], of["light_distance"]
     near = [(distance / reach).clamp(-1.0, 1.0) for distance in (gap_m, light_m) for reach in NEAR_M]
     behind = of["gap_closing"].clamp(min=0.0) ** 2 / (2.0 * (gap_m - 1.0).clamp(min=0.5))

@@ -6,13 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.clock import STEP_TICKS
-from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
-from carlaloc_env.envs.task.actions import steer_and_pedal
-from carlaloc_env.envs.task.referee import Referee
-from carlaloc_env.envs.task.state_vector import StateVector
-from recorder.devices.scripted.driver import ScriptedDriver
+from carlaloc_env import CarlaLocEnv, Referee, StateVector, steer_and_pedal
+from recorder import ScriptedDriver
 
+STEP_TICKS = 10
+"""Ticks of 5 ms in a step."""
 SKIP = 4
 """Steps of 50 ms per action: five actions a second."""
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]

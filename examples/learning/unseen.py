@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env import CarlaLocEnv
 from learning.town01_route import Policy, ride
 
 UNSEEN = range(10_000, 10_050)

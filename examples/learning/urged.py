@@ -4,7 +4,7 @@ from typing import Any
 
 from gymnasium import Wrapper
 
-from carlaloc_env.envs.task.state_vector import state_names
+from carlaloc_env import state_names
 
 URGE, ROLLING_MPS, FREE_M = 0.6, 2.0, 8.0
 """Cost of an action that leaves the car standing with this room ahead; rolling costs less."""

@@ -9,9 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
-from carlaloc_env import Sample, Sensor, SensorConfig, Timeline
-from carlaloc_env.sensors.base import World
-from carlaloc_env.sensors.stochastic_processes import white
+from carlaloc_env import Sample, Sensor, SensorConfig, Timeline, World, white_noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,5 +53,7 @@ class Barometer(Sensor):
         c, world = self._own, self._world
         up_m = timeline.ego_motion([stamp_ns]).at_mount(c.mount.T_base_sensor).position_m[0, 2]
         exact_pa = 101325.0 * (1.0 - 2.25577e-5 * (world.geo.height_m + up_m)) ** 5.25588
-        pressure_pa = float(exact_pa + c.noise_pa * white(world.seed, f"{c.name}/pressure", stamp_ns, 1)[0])
+        pressure_pa = float(
+            exact_pa + c.noise_pa * white_noise(world.seed, f"{c.name}/pressure", stamp_ns, 1)[0]
+        )
         return Pressure(sensor=c.name, frame_id=c.frame_id, stamp_ns=stamp_ns, pressure_pa=pressure_pa)

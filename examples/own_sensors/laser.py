@@ -9,9 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
-from carlaloc_env import Sample, Sensor, SensorConfig, Timeline
-from carlaloc_env.core.transforms import quat_rotate
-from carlaloc_env.sensors.base import World
+from carlaloc_env import Sample, Sensor, SensorConfig, Timeline, World, quat_rotate
 
 ANGLES = np.radians(np.arange(-180.0, 180.0))
 WHEN = np.zeros(len(ANGLES), np.int64)

@@ -8,23 +8,30 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.core import transforms
-from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
-from recorder import ReplayConfig, Trajectory, evaluate, read_tum
-from recorder.dataset.scans import Scan
-from recorder.laboratory.map_truth import MapJudge, MapTruthConfig, build_map, transform_of_map
-from recorder.report.trajectory_plot import plot_map
-from recorder.slam.runners import lidar_odometry
-from recorder.slam.system import FrameClock
-from recorder.streaming.drive import describe_drive
-from recorder.streaming.frames import FrameMaker
+from carlaloc_env import DYNAMIC_TAGS, matrix_to_quat
+from recorder import (
+    FrameClock,
+    FrameMaker,
+    MapJudge,
+    MapTruthConfig,
+    ReplayConfig,
+    Scan,
+    Trajectory,
+    build_map,
+    describe_drive,
+    evaluate,
+    plot_map,
+    read_tum,
+    run_small_gicp,
+    transform_of_map,
+)
 
 
 def by_small_gicp(sweeps: list[Scan]) -> Trajectory:
     """Poses of the LiDAR by small_gicp, which are those of the middle of each sweep."""
     source: Any = SimpleNamespace(scans=lambda: iter(sweeps))
-    stamps, T = zip(*lidar_odometry.run_small_gicp(source, FrameClock()), strict=True)
-    quat = np.array([transforms.matrix_to_quat(one[:3, :3]) for one in T])
+    stamps, T = zip(*run_small_gicp(source, FrameClock()), strict=True)
+    quat = np.array([matrix_to_quat(one[:3, :3]) for one in T])
     middle, xyz_m = np.array(stamps) + 25_000_000, np.array(T)[:, :3, 3]
     return Trajectory(stamp_ns=middle, position_m=xyz_m, quat_xyzw=quat, name="small_gicp")
 

@@ -7,17 +7,16 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import Array
-from carlaloc_env.samples import PointCloud, Sample
-from recorder.laboratory.place_baselines import score_places, similarity_of
-from recorder.laboratory.places import PlaceDrive, PlacesConfig, compare_places
+from carlaloc_env import PointCloud, Sample
+from recorder import PlaceDrive, PlacesConfig, compare_places, score_places, similarity_of
 
 RINGS_M = np.arange(0.0, 81.0, 4.0)
 """Distances that bound the rings [m]."""
 
 
-def ring_key(sample: Sample) -> Array:
+def ring_key(sample: Sample) -> NDArray[np.float64]:
     """Highest point in each ring around the LiDAR [m], as Scan Context's ring key (Kim and Kim 2018)."""
     assert isinstance(sample, PointCloud)
     points = sample.points_xyz_m

@@ -6,9 +6,7 @@ python examples/robustness/17_honest_covariance.py drive.mcap scatter small_gicp
 import sys
 from pathlib import Path
 
-from recorder.laboratory.consistency import ConsistencyConfig, ConsistencyResult, run_consistency
-from recorder.replaying.plan import ReplayOptions
-from recorder.streaming.drive import DriveConfig
+from recorder import ConsistencyConfig, ConsistencyResult, DriveConfig, ReplayOptions, run_consistency
 
 
 def main(

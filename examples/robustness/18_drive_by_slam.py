@@ -10,10 +10,8 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-import carlaloc_env  # noqa: F401  (registers the environments)
-from carlaloc_env.driving.driver_view import DriverView
-from recorder.laboratory.estimated_pose_env import EstimatedPoseEnv
-from recorder.laboratory.pose_source import PoseSource, SystemPose
+from carlaloc_env import DriverView
+from recorder import EstimatedPoseEnv, PoseSource, SystemPose
 
 
 def keep_lane(view: DriverView) -> NDArray[np.float32]:

@@ -6,11 +6,17 @@ Ten seconds of a drive, four shares of lost points, three seeds; needs the extra
 import argparse
 from pathlib import Path
 
-from recorder.benchmark.results import BenchmarkConfig
-from recorder.laboratory.sweep import Axis, SweepConfig
-from recorder.laboratory.sweep_run import areas_of, curves_of, run_sweep, write_sweep_report
-from recorder.replaying.plan import ReplayOptions
-from recorder.streaming.drive import DriveConfig
+from recorder import (
+    Axis,
+    BenchmarkConfig,
+    DriveConfig,
+    ReplayOptions,
+    SweepConfig,
+    areas_of,
+    curves_of,
+    run_sweep,
+    write_sweep_report,
+)
 
 
 def main() -> None:

@@ -40,14 +40,14 @@ AGAIN = ("failed", "all")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchmarkConfig:
-    """What to run and how."""
+    """Data, systems and settings of a benchmark."""
 
     data: Path | DriveConfig
     """Folder with sequences, or drives that are read as they are made."""
     out: Path
     """Folder of the results; those that lie there already are not run again."""
     methods: tuple[str, ...] = ()
-    """Names or files of systems; empty: all that are installed."""
+    """Names or files of systems; empty: those that are installed."""
     runs: int = 1
     """Repetitions, since systems are not deterministic."""
     workers: int = 1
@@ -116,7 +116,7 @@ class Score:
     findings: str = ""
     """Causes of errors that lie in the data or the estimate, see `EvaluationResult.findings`."""
     alignment: str = ""
-    """What was fitted."""
+    """Fit of the estimate to the truth."""
     visual: bool = False
     """Whether it reads images."""
     frame: str = ""

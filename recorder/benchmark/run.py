@@ -38,7 +38,7 @@ Progress = Callable[[float, int, str | None], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchmarkResult:
-    """All that a benchmark has found."""
+    """Runs of a benchmark and their scores."""
 
     sequences: list[BenchmarkSequence]
     """Sequences, sorted."""
@@ -84,9 +84,9 @@ def run_benchmark(
     """Run every system over every sequence.
 
     Args:
-        config: What to run and how.
+        config: Data, systems and settings.
         progress: Called with the progress.
-        sequences: Where to run; None: what the configuration names.
+        sequences: Sequences to run on; None: those that the configuration names.
 
     A system that is missing when asked for by name ends it at once; a run that fails is a row like any other.
 

@@ -110,7 +110,7 @@ _STANDING = 0.144
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BreakConfig:
-    """What is searched."""
+    """System, quantities and limits of a search."""
 
     method: str
     """Name or file of the system."""
@@ -207,7 +207,7 @@ def find_break(config: BreakConfig, report: Callable[[Try], None] = lambda _: No
     """Search the mildest condition in which a system fails.
 
     Args:
-        config: What is searched.
+        config: System, quantities and limits.
         report: Called with every try.
 
     Raises:

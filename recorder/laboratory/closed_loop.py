@@ -81,9 +81,9 @@ class DriveScore:
     """Its APE as of an open loop: RMSE after the SE(3) fit [m]."""
     driven_s: float
     real_time: float
-    """Seconds driven in a second on the clock, the start of the system left out."""
+    """Simulated time over wall-clock time, the start of the system left out."""
     cpu_per_s: float = float("nan")
-    """Processor time of a second of driving, that of the system and of its start included [s]."""
+    """CPU time of a second of driving, that of the system and of its start included [s]."""
 
 
 def run_closed_loop(
@@ -94,7 +94,7 @@ def run_closed_loop(
     """Drive every level and seed by every source of poses.
 
     Args:
-        config: What to drive.
+        config: Town, systems and drives.
         progress: Called with the progress of the drives.
         keep: Called after each drive with all scores so far.
 

@@ -106,7 +106,7 @@ class MapJudge:
         report: Called while visibility is found out.
 
     Raises:
-        CarlaLocError: the drive, its town or its rig cannot be had.
+        CarlaLocError: the drive, its town or its rig is missing or not valid.
         EvaluationError: the stretch lies outside the drive.
     """
 

@@ -53,7 +53,7 @@ class PlacesConfig:
     query: Path | None = None
     """The drive that looks for its places; None: the known one again."""
     sensor: str = "camera"
-    """What a frame is of: ``camera`` (the rig's first) or ``lidar``."""
+    """Sensor of a frame: ``camera`` (the rig's first) or ``lidar``."""
     rig: str = "paper"
     """Name of a rig, or a YAML file."""
     weather: str = "ClearNoon"
@@ -119,7 +119,7 @@ class PlaceDrive:
     """A drive and its frames, whose samples can be made.
 
     Args:
-        config: What is compared.
+        config: Drives, weathers and methods.
         episode: The drive.
         weathers: Its weathers.
         offset_m: Where its first frame lies after the start of the stretch [m].
@@ -174,7 +174,7 @@ def compare_places(
     """Write tables of frames, pairs and scores.
 
     Args:
-        config: What is compared.
+        config: Drives, weathers and methods.
         report: Called with what is done, what there is to do, and a word on it.
 
     Raises:

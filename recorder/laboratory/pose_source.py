@@ -25,7 +25,7 @@ _STANDING_MPS = 0.05
 
 
 class PoseSource(Protocol):
-    """What a driver believes of the car's pose."""
+    """Source of the pose that a driver believes."""
 
     def begin(self, rig: SensorRig | None) -> None:
         """A drive begins.

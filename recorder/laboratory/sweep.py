@@ -123,7 +123,7 @@ EPISODES = "episodes"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepConfig:
-    """What is swept, over which drives."""
+    """Quantities of a sweep, and its drives."""
 
     drives: DriveConfig
     """Drives, stretch, rig and base condition: the first weather and traffic level, and the faults."""

@@ -32,7 +32,7 @@ class SweepResult:
     """All runs of a sweep."""
 
     config: SweepConfig
-    """What was swept."""
+    """Its configuration."""
     runs: pd.DataFrame
     """A row for each point and system: swept quantities, ``drive``, ``seed``, figures of the score."""
     benchmark: BenchmarkResult
@@ -52,7 +52,7 @@ def run_sweep(
     """Run systems at every point of every axis.
 
     Args:
-        config: What is swept.
+        config: Quantities and drives.
         benchmark: Systems, workers, clouds and the rule of failure; its data are those of the sweep.
         progress: Called with the progress of the runs.
         report: Called with a line about every drive that is simulated anew.
@@ -109,11 +109,11 @@ def curves_of(runs: pd.DataFrame, axes: Sequence[Axis]) -> pd.DataFrame:
 
     Args:
         runs: Of `recorder.laboratory.sweep_run.SweepResult`.
-        axes: What was swept.
+        axes: Swept quantities.
 
     Returns:
         ``axis``, ``series`` (the system, with the values of other axes where all combinations were run),
-        ``value``, ``runs``, ``failed``, ``fail_share`` with ``_low`` and ``_high``; mean of each of `FIGURES`
+        ``value``, ``runs``, ``failed``, ``fail_share`` with ``_low`` and ``_high``. Mean of each of `FIGURES`
         over the runs that did not fail, of the coverage over all, with ``_low`` and ``_high``.
     """
     rows: list[dict[str, Any]] = []

@@ -33,13 +33,13 @@ class FrameClock:
     """Times what a system does with each frame; reading the data is left out."""
 
     wall_s: list[float] = field(default_factory=list)
-    """Time of each frame on the clock [s]."""
+    """Wall-clock time of each frame [s]."""
     cpu_s: list[float] = field(default_factory=list)
-    """Processor time of each frame, all threads of this process together [s]."""
+    """CPU time of each frame, all threads of this process together [s]."""
     due: int | None = None
     """Frames that should have a pose; None: all of the sequence."""
     notes: list[str] = field(default_factory=list)
-    """What a reader of the results must know, shown behind the version."""
+    """Notes for readers of the results, shown behind the version."""
     covariances: dict[int, Array] = field(default_factory=dict)
     """Covariance of the pose of each stamp [ns], if a system states it, (6, 6), in the pose's own axes:
     x, y, z [m], then the rotation about them [rad] (`recorder.evaluation.trajectory`)."""
@@ -90,7 +90,7 @@ Runner: TypeAlias = Callable[[SlamSequence, FrameClock], Iterable[StampedPose]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class System:
-    """A SLAM system: what it needs, what its poses mean, and how it is run."""
+    """A SLAM system: its inputs, the meaning of its poses, and its runner."""
 
     name: str
     """Name on the command line."""
@@ -99,7 +99,7 @@ class System:
     what: str
     """A few words on it."""
     needs: tuple[str, ...]
-    """What it reads: ``lidar``, ``imu``, ``stereo``."""
+    """Its inputs: ``lidar``, ``imu``, ``stereo``."""
     runner: str
     """Function that feeds it, as ``module:name``, imported only in the process that runs it."""
     frame: str
@@ -109,9 +109,9 @@ class System:
     instant_source: str = "image's exposure"
     """Source of that instant."""
     library: str | None = None
-    """Module that brings it; None: it is our own."""
+    """Module that brings it; None: this package."""
     package: str | None = None
-    """What pip calls it."""
+    """Its name in pip."""
     extra: str = "slam"
     """Extra of this package that installs it."""
     python: str | None = None
@@ -157,7 +157,7 @@ class System:
 
     @property
     def sensor(self) -> str:
-        """What makes a frame: ``lidar`` or ``stereo``."""
+        """Sensor whose samples are frames: ``lidar`` or ``stereo``."""
         return "lidar" if "lidar" in self.needs else "stereo"
 
     @property

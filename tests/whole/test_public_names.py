@@ -21,8 +21,8 @@ def listed() -> list[tuple[str, str]]:
     for line in (ROOT / "docs" / "api.md").read_text(encoding="utf-8").splitlines():
         if heading := re.fullmatch(r"## (\w+)", line):
             package = heading[1]
-        elif row := re.match(r"\| `(\w+)` \|", line):
-            rows.append((package, row[1]))
+        elif row := re.match(r"\| (`\w+`(?:, `\w+`)*) \|", line):
+            rows += [(package, name) for name in re.findall(r"\w+", row[1])]
     return rows
 
 

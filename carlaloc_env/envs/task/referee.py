@@ -72,7 +72,7 @@ class Referee:
         """Judge the 50 ms that have just been driven.
 
         Args:
-            contacts: What the car touched in them.
+            contacts: Contacts of the car in them.
         """
         world, config = self._world, self._config
         before_m, self._route_s_m = self._route_s_m, world.route_s_m

@@ -109,11 +109,17 @@ NEIGHBOUR = (
 assert len(NEIGHBOUR) == COLUMNS
 
 
+def state_entries() -> dict[str, Entry]:
+    """All numbers of the vector by name, in order."""
+    route = {f"{entry.name}_{point}": entry for point in range(len(ROUTE_AHEAD_M)) for entry in ROUTE}
+    others = {f"neighbour_{k}_{entry.name}": entry for k in range(NEIGHBOURS) for entry in NEIGHBOUR}
+    own, ahead = ({entry.name: entry for entry in entries} for entries in (EGO, AHEAD))
+    return own | route | ahead | others
+
+
 def state_names() -> tuple[str, ...]:
     """Names of all numbers of the vector, in order."""
-    route = [f"{entry.name}_{point}" for point in range(len(ROUTE_AHEAD_M)) for entry in ROUTE]
-    others = [f"neighbour_{number}_{entry.name}" for number in range(NEIGHBOURS) for entry in NEIGHBOUR]
-    return (*(entry.name for entry in EGO), *route, *(entry.name for entry in AHEAD), *others)
+    return tuple(state_entries())
 
 
 def state_space() -> spaces.Box:
@@ -269,5 +275,4 @@ def _put_route_points(
 
 
 def _scales() -> Array:
-    entries = (*EGO, *ROUTE * len(ROUTE_AHEAD_M), *AHEAD, *NEIGHBOUR * NEIGHBOURS)
-    return np.array([entry.scale for entry in entries])
+    return np.array([entry.scale for entry in state_entries().values()])

@@ -30,7 +30,7 @@ from carlaloc_env.sensors.lidar.receiver import Receiver
 from carlaloc_env.sensors.lidar.scan_pattern import Cast, ScanPattern
 from carlaloc_env.sensors.lidar.spray import spray_ranges
 from carlaloc_env.sensors.lidar_config import OUTPUTS, LidarConfig
-from carlaloc_env.sensors.stochastic_processes import white
+from carlaloc_env.sensors.stochastic_processes import white_noise
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WeatherParameters
 
@@ -165,7 +165,7 @@ class LidarSensor(Sensor):
         if self._receiver is None or self._receiver.seed != seed:
             self._receiver = Receiver(config, config.receiver, seed)
         ring = self._pattern.ring[cast.rays]
-        hiss = white(seed, f"{config.name}/echo", stamp_ns, config.rays)
+        hiss = white_noise(seed, f"{config.name}/echo", stamp_ns, config.rays)
         drawn = np.stack([noise[cast.rays], hiss[cast.rays]])
         range_m, measured = self._receiver.measure(ring, cast.hits, cast.share, cast.relief_m, drawn)
         # Weather has decided on intensities already.

@@ -34,12 +34,12 @@ def run_command(
     """Poses that a program has written.
 
     Args:
-        sequence: What it reads.
+        sequence: Its input.
         clock: Receives the run's time, shared out over the frames.
         command: Program and words; ``{bag}``, ``{euroc}`` and ``{calibration}`` in them become paths of
             the sequence, ``{out}`` the TUM file that it has to write, ``{work}`` an empty folder. Beside the
             TUM file it may write its covariances, see `recorder.evaluation.trajectory`.
-        sensor: What makes a frame: ``lidar`` or ``stereo``.
+        sensor: Sensor whose samples are frames: ``lidar`` or ``stereo``.
         topic: Topic of the poses in ``{out_bag}``, a ROS 1 bag that it writes in place of ``{out}``.
 
     Raises:
