@@ -88,7 +88,7 @@ class RouteConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrafficCounts:
-    """How many others there are when the traffic is dynamic."""
+    """Numbers of vehicles and walkers when the traffic is dynamic."""
 
     vehicles: int | None = None
     """Number of vehicles besides the ego; None: 50, fewer on small maps."""
@@ -186,9 +186,9 @@ class Feature:
             raise ConfigError(unknown_name("feature kind", self.kind, FEATURE_KINDS))
         _check_finite("position", self.position, "m")
         _check_finite("heading_deg", (self.heading_deg,), "deg")
-        known = FEATURE_SIZES[self.kind]
-        if len(self.size) > len(known.split(", ") if known else ()):
-            raise ConfigError(f"size of a {self.kind} holds {known or 'nothing'}; found {list(self.size)}")
+        measures = FEATURE_SIZES[self.kind]
+        if len(self.size) > len(measures.split(", ") if measures else ()):
+            raise ConfigError(f"size of a {self.kind} holds {measures or 'nothing'}; found {list(self.size)}")
         for number in self.size:
             _check_positive("size", number, "m")
 

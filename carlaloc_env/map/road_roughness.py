@@ -11,7 +11,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.centre_lines import POSITION_LIMIT_M
-from carlaloc_env.map.lanes.lanes import road_limit_mps
+from carlaloc_env.map.lanes.speed_limits import road_limit_mps
 from carlaloc_env.map.opendrive.records import Road
 from carlaloc_env.map.opendrive.reference_line import PlanView
 from carlaloc_env.road.road_profile import LevelGrid
@@ -74,8 +74,8 @@ def _samples(roads: Sequence[Road]) -> tuple[Array, Array]:
         points.append(np.stack([pose.x_m, pose.y_m], axis=-1))
         fast.append(np.full(len(s), is_even(road)))
     every, even = np.concatenate(points), np.concatenate(fast)
-    known = np.isfinite(every).all(axis=1) & (np.abs(every) < POSITION_LIMIT_M).all(axis=1)
-    return every[known], even[known]
+    usable = np.isfinite(every).all(axis=1) & (np.abs(every) < POSITION_LIMIT_M).all(axis=1)
+    return every[usable], even[usable]
 
 
 def _classes(points: Array, fast: Array, config: TownConfig) -> list[str]:

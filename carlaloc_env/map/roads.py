@@ -13,13 +13,15 @@ from carlaloc_env.core.files.array_files import Arrays
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.core.map_projection import ProjectedReference
 from carlaloc_env.map.config import TownConfig
-from carlaloc_env.map.lanes import build_network
+from carlaloc_env.map.lanes.build_lanes import road_map
+from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.lanes.lanes import road_map
+from carlaloc_env.map.lanes.network_arrays import from_arrays, to_arrays
 from carlaloc_env.map.opendrive.records import OpenDrive
 from carlaloc_env.map.road_roughness import road_levels
 from carlaloc_env.map.routing.default_route import choose_route
-from carlaloc_env.map.routing.route import FitTurns, Route, plan_route
+from carlaloc_env.map.routing.plan_route import FitTurns, plan_route
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.road.road_profile import LevelGrid, Relief
 
 
@@ -39,7 +41,7 @@ class TownRoads:
     def to_arrays(self) -> Arrays:
         """The roads as named arrays."""
         geo = self.geo
-        arrays = {f"network/{name}": value for name, value in build_network.to_arrays(self.network).items()}
+        arrays = {f"network/{name}": value for name, value in to_arrays(self.network).items()}
         arrays["geo"] = np.array([geo.latitude_deg, geo.longitude_deg, geo.height_m])
         if isinstance(geo, ProjectedReference):
             arrays["geo/grid"] = np.array([geo.x_m, geo.y_m, geo.turn_rad, geo.azimuth_rad])
@@ -53,7 +55,7 @@ class TownRoads:
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, read: Callable[[], OpenDrive], seed: int) -> TownRoads:
-        """The roads again.
+        """Restores the roads from their arrays.
 
         Args:
             arrays: What `to_arrays` made of them.
@@ -68,9 +70,7 @@ class TownRoads:
         if line:
             plain: dict[str, Any] = {k: v.copy() if v.ndim else v.item() for k, v in line.items()}
             route = Route(**plain)
-        network = build_network.from_arrays(
-            _below(arrays, "network/"), lambda: road_map(read(), relief_on(seed, levels))
-        )
+        network = from_arrays(_below(arrays, "network/"), lambda: road_map(read(), relief_on(seed, levels)))
         return cls(network=network, levels=levels, route=route, geo=_geo(arrays))
 
 
@@ -107,12 +107,12 @@ def build_roads(
         MapError: No lane is for cars.
     """
     levels = road_levels(xodr.roads, config)
-    network = build_network.build_network(xodr, relief_on(seed, levels))
+    network = build_network(xodr, relief_on(seed, levels))
     types = sorted({lane.type for lane in network.lanes})
     if "driving" not in types:
-        known = ", ".join(types[:8])
+        first_types = ", ".join(types[:8])
         raise MapError(
-            f"{xodr.source}: no lane is of type driving, so no car can drive there; it has {known}"
+            f"{xodr.source}: no lane is of type driving, so no car can drive there; it has {first_types}"
         )
     # Else the map's own reference, else the equator at Greenwich's meridian.
     geo = config.geo or xodr.geo or GeoReference(latitude_deg=0.0, longitude_deg=0.0)

@@ -85,8 +85,8 @@ def choose_zones(network: LaneNetwork, config: TownConfig) -> TownConfig:
         zones.append((shapely.Polygon(hole).area, names[common], _outline(hole)))
     # Where outlines overlap the smaller one lies in a hole of the larger, and the later zone holds.
     ordered = sorted(zones, key=lambda zone: (-zone[0], zone[1], zone[2]))
-    found = tuple(Zone(kind=name, polygon=outline) for _, name, outline in ordered)
-    return dataclasses.replace(config, default_zone=names[common], zones=found)
+    chosen = tuple(Zone(kind=name, polygon=outline) for _, name, outline in ordered)
+    return dataclasses.replace(config, default_zone=names[common], zones=chosen)
 
 
 def _outline(ring: shapely.LinearRing) -> tuple[tuple[float, float], ...]:

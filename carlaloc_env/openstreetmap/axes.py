@@ -197,9 +197,9 @@ def curvatures(path: Path) -> tuple[float, float]:
 
 def sampled(path: Path, step_m: float) -> Array:
     """Points (N, 2) of a path [m]."""
-    found = []
+    poses = []
     for pose, piece in zip(path.starts(), path.pieces, strict=False):
         count = max(1, math.ceil(piece.length / step_m)) if piece.kind != "line" else 1
-        found += [piece.at(pose, piece.length * k / count) for k in range(count)]
-    found.append(path.end)
-    return np.array([(p.x, p.y) for p in found])
+        poses += [piece.at(pose, piece.length * k / count) for k in range(count)]
+    poses.append(path.end)
+    return np.array([(p.x, p.y) for p in poses])

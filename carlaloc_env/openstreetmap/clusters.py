@@ -119,17 +119,17 @@ def find_clusters(chains: Sequence[Chain], more: Mapping[tuple[int, int], float]
     for k, chain in enumerate(chains):
         if chain.length_m < 2 * LEAST_M + ROAD_M:
             swallow(k)
-    known: dict[tuple[int, ...], Cluster] = {}
+    group_of: dict[tuple[int, ...], Cluster] = {}
     while True:
         clusters = []
         for group in _groups(chains, inner, root):
             key = (*sorted(group.nodes), *sorted(group.inner))
-            if key not in known:
-                known[key] = group
+            if key not in group_of:
+                group_of[key] = group
                 _set_back(group, chains)
                 for end in group.ends:
                     end.setback_m += more.get((end.chain, end.side), 0.0)
-            clusters.append(known[key])
+            clusters.append(group_of[key])
         setback = {(end.chain, end.side): end.setback_m for c in clusters for end in c.ends}
         short = []
         for k, chain in enumerate(chains):
@@ -155,10 +155,10 @@ def find_clusters(chains: Sequence[Chain], more: Mapping[tuple[int, int], float]
 
 def _groups(chains: Sequence[Chain], inner: set[int], root: Callable[[int], int]) -> list[Cluster]:
     """Junctions of the nodes that have one root, their ends not yet set back."""
-    found: dict[int, Cluster] = defaultdict(lambda: Cluster(set()))
+    cluster_of: dict[int, Cluster] = defaultdict(lambda: Cluster(set()))
     for k, chain in enumerate(chains):
         for side, at in ((0, 0), (1, -1)):
-            home = found[root(chain.nodes[at])]
+            home = cluster_of[root(chain.nodes[at])]
             home.nodes.add(chain.nodes[at])
             if k not in inner:
                 line, street = chain.line if side == 0 else chain.line[::-1], chain.pieces[at].street
@@ -167,8 +167,8 @@ def _groups(chains: Sequence[Chain], inner: set[int], root: Callable[[int], int]
                     End(k, side, chain.nodes[at], line, half_width(street), enters, leaves, street)
                 )
         if k in inner:
-            found[root(chain.nodes[0])].inner.append(k)
-    return [found[home] for home in sorted(found)]
+            cluster_of[root(chain.nodes[0])].inner.append(k)
+    return [cluster_of[home] for home in sorted(cluster_of)]
 
 
 def _set_back(cluster: Cluster, chains: Sequence[Chain]) -> None:
@@ -229,7 +229,7 @@ def reachable(cluster: Cluster, chains: Sequence[Chain]) -> list[tuple[End, End]
         onward[first].add(last)
         if not chains[k].oneway:
             onward[last].add(first)
-    found = []
+    pairs = []
     for a in cluster.ends:
         if not a.enters:
             continue
@@ -238,11 +238,11 @@ def reachable(cluster: Cluster, chains: Sequence[Chain]) -> list[tuple[End, End]
             fresh = onward[todo.pop()] - seen
             seen |= fresh
             todo += fresh
-        found += [
+        pairs += [
             (a, b) for b in cluster.ends
             if b.leaves and b.node in seen and (b.chain, b.side) != (a.chain, a.side)
         ]  # fmt: skip
-    return found
+    return pairs
 
 
 def turn_radius(a: End, b: End) -> float:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from carlaloc_env.openstreetmap.extract import Extract
 
 _NEAR_M = 45.0
+_MPH = 1.609344
+_PAIRED = ("motorway", "trunk", "primary", "secondary", "tertiary")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +30,6 @@ class Country:
     """Whether one drives on the left."""
 
 
-_MPH = 1.609344
 # West, south, east, north [deg]; the first box that holds the place decides, so small countries stand first.
 _BOXES: tuple[tuple[Country, tuple[tuple[float, float, float, float], ...]], ...] = (
     (Country("IE", 50, 80, 120, True), ((-10.7, 51.3, -6.2, 54.4), (-10.7, 54.4, -7.5, 55.5))),
@@ -127,16 +128,13 @@ def _pair_votes(extract: Extract) -> float:
                 u, v = (x1 - x0) / length, (y1 - y0) / length
                 pieces.setdefault(name, []).append(((x0 + x1) / 2, (y0 + y1) / 2, u, v, length))
     votes = 0.0
-    for found in pieces.values():
-        for x, y, u, v, length in found:
+    for parallel in pieces.values():
+        for x, y, u, v, length in parallel:
             against = [
                 (math.hypot(p - x, q - y), u * (q - y) - v * (p - x))
-                for p, q, c, s, _ in found
+                for p, q, c, s, _ in parallel
                 if u * c + v * s < -0.9 and math.hypot(p - x, q - y) < _NEAR_M
             ]
             if against:
                 votes += math.copysign(length, -min(against)[1])
     return votes
-
-
-_PAIRED = ("motorway", "trunk", "primary", "secondary", "tertiary")

@@ -81,30 +81,30 @@ def read_extract(path: Path, box: Box | None = None) -> Extract:
         west, south, east, north = box
         if not (-180 <= west < east <= 180 and -85 <= south < north <= 85):
             raise MapError(f"the box {west:g},{south:g},{east:g},{north:g} is none; give W,S,E,N in degrees")
-    found = Extract(str(path))
+    extract = Extract(str(path))
     kept: dict[int, tuple[float, float]] = {}
     for kind, item in _elements(path):
         if kind == "node":
             number, lon, lat, tags = item
             kept[number] = (lon, lat)
             if tags:
-                found.node_tags[number] = tags
+                extract.node_tags[number] = tags
             if len(kept) > 10 * NODE_LIMIT:
                 break
         elif kind == "way":
-            found.ways[item.id] = item
+            extract.ways[item.id] = item
         else:
-            found.relations.append(item)
-    _cut(found, kept, box)
-    if not found.degrees:
+            extract.relations.append(item)
+    _cut(extract, kept, box)
+    if not extract.degrees:
         raise MapError(_elsewhere(path, kept, box))
-    span = float(np.ptp(_street_places(found), axis=0).max())
-    if len(found.degrees) > NODE_LIMIT or span > WIDEST_DEG:
+    span = float(np.ptp(_street_places(extract), axis=0).max())
+    if len(extract.degrees) > NODE_LIMIT or span > WIDEST_DEG:
         raise MapError(
-            f"{path} has {len(found.degrees):,} nodes over {span:.2f}°; cut it by --bbox W,S,E,N to 2 km"
+            f"{path} has {len(extract.degrees):,} nodes over {span:.2f}°; cut it by --bbox W,S,E,N to 2 km"
         )
-    place(found)
-    return found
+    place(extract)
+    return extract
 
 
 def _elements(path: Path) -> Iterator[tuple[str, Any]]:
@@ -176,38 +176,38 @@ def _from_pbf(path: Path) -> Iterator[tuple[str, Any]]:
         raise MapError(f"{path} is no whole .pbf file: {error}; download the extract again") from error
 
 
-def _cut(found: Extract, kept: dict[int, tuple[float, float]], box: Box | None) -> None:
+def _cut(extract: Extract, kept: dict[int, tuple[float, float]], box: Box | None) -> None:
     """Keep what lies in the box: streets end where they cross it, all else stays whole."""
     fresh = -1
-    for way in list(found.ways.values()):
-        known = [node for node in way.nodes if node in kept]
-        if len(known) < 2:
-            found.broken.append(way.id)
-            del found.ways[way.id]
+    for way in list(extract.ways.values()):
+        nodes_inside = [node for node in way.nodes if node in kept]
+        if len(nodes_inside) < 2:
+            extract.broken.append(way.id)
+            del extract.ways[way.id]
             continue
         if "highway" not in way.tags:
-            if _meets([kept[node] for node in known], box):
-                found.ways[way.id] = Way(way.id, tuple(known), way.tags)
-                found.degrees |= {node: kept[node] for node in known}
+            if _meets([kept[node] for node in nodes_inside], box):
+                extract.ways[way.id] = Way(way.id, tuple(nodes_inside), way.tags)
+                extract.degrees |= {node: kept[node] for node in nodes_inside}
             else:
-                del found.ways[way.id]
+                del extract.ways[way.id]
             continue
         runs = []
         for run in _runs(way.nodes, kept, box):
             nodes: list[int] = []
             for node in run:
                 if isinstance(node, tuple):
-                    found.degrees[fresh] = node
+                    extract.degrees[fresh] = node
                     node, fresh = fresh, fresh - 1
                 nodes.append(node)
             runs.append(tuple(nodes))
-        del found.ways[way.id]
+        del extract.ways[way.id]
         for k, whole in enumerate(runs):
             key = way.id if k == 0 else fresh
             fresh -= k > 0
-            found.ways[key] = Way(way.id, whole, way.tags)
-    found.degrees |= {node: place for node, place in kept.items() if _inside(place, box)}
-    found.node_tags = {node: tags for node, tags in found.node_tags.items() if node in found.degrees}
+            extract.ways[key] = Way(way.id, whole, way.tags)
+    extract.degrees |= {node: place for node, place in kept.items() if _inside(place, box)}
+    extract.node_tags = {node: tags for node, tags in extract.node_tags.items() if node in extract.degrees}
 
 
 def _runs(nodes: tuple[int, ...], kept: dict[int, tuple[float, float]], box: Box | None) -> list[list[Any]]:
@@ -258,10 +258,10 @@ def _crossing(inner: tuple[float, float], outer: tuple[float, float], box: Box |
     )
 
 
-def _street_places(found: Extract) -> Array:
+def _street_places(extract: Extract) -> Array:
     """Longitudes and latitudes (N, 2) of the streets' nodes, or of all where there are none."""
-    nodes = {node for way in found.ways.values() if "highway" in way.tags for node in way.nodes}
-    return np.array([found.degrees[node] for node in sorted(nodes) or sorted(found.degrees)])
+    nodes = {node for way in extract.ways.values() if "highway" in way.tags for node in way.nodes}
+    return np.array([extract.degrees[node] for node in sorted(nodes) or sorted(extract.degrees)])
 
 
 def _elsewhere(path: Path, kept: dict[int, tuple[float, float]], box: Box | None) -> str:
@@ -272,14 +272,16 @@ def _elsewhere(path: Path, kept: dict[int, tuple[float, float]], box: Box | None
     return f"{path} has nothing in the box; it covers --bbox {limits}"
 
 
-def place(found: Extract, height_m: float = 0.0) -> None:
+def place(extract: Extract, height_m: float = 0.0) -> None:
     """Place the nodes of an extract on the plane that touches the Earth, at a height above the ellipsoid."""
-    numbers = list(found.degrees)
-    places = np.array([found.degrees[number] for number in numbers])
-    streets = _street_places(found)
+    numbers = list(extract.degrees)
+    places = np.array([extract.degrees[number] for number in numbers])
+    streets = _street_places(extract)
     middle = np.round((streets.min(axis=0) + streets.max(axis=0)) / 2, 6)
-    found.geo = GeoReference(latitude_deg=float(middle[1]), longitude_deg=float(middle[0]), height_m=height_m)
+    extract.geo = GeoReference(
+        latitude_deg=float(middle[1]), longitude_deg=float(middle[0]), height_m=height_m
+    )
     # On the ellipsoid, seen along its normal at the origin: within a millimetre of a flat map for some km.
     geodetic = np.column_stack([places[:, 1], places[:, 0], np.full(len(places), height_m)])
-    world = np.round(found.geo.geodetic_to_enu(geodetic)[:, :2], 4)
-    found.xy_m = {number: (float(x), float(y)) for number, (x, y) in zip(numbers, world, strict=True)}
+    world = np.round(extract.geo.geodetic_to_enu(geodetic)[:, :2], 4)
+    extract.xy_m = {number: (float(x), float(y)) for number, (x, y) in zip(numbers, world, strict=True)}

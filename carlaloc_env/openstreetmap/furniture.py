@@ -102,13 +102,13 @@ def _furnish(
 def _minor(junction: Junction, chains: Sequence[Chain], signs: Mapping[int, str]) -> dict[int, str]:
     """Legs that give way, with the code of their sign: as tagged, else into rings and larger streets."""
     ends = junction.cluster.ends
-    found = {}
+    sign_of = {}
     for i, end in enumerate(ends):
         own = {signs.get(node) for node in _near(end, chains, SIGN_M)}
         if end.enters and own & {"stop", "give_way"}:
-            found[i] = STOP if "stop" in own else YIELD
-    if found and len(found) < len(ends):
-        return found
+            sign_of[i] = STOP if "stop" in own else YIELD
+    if sign_of and len(sign_of) < len(ends):
+        return sign_of
     ring = [end.street.ring for end in ends]
     if any(ring) or any(chains[k].street.ring for k in junction.cluster.inner):
         return {i: YIELD for i, end in enumerate(ends) if end.enters and not ring[i]}

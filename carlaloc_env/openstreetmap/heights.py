@@ -116,7 +116,7 @@ def find_heights(
 def find_crossings(chains: Sequence[Chain], rails: Sequence[tuple[Array, int]]) -> list[Crossing]:
     """Places where streets of different layers cross without meeting."""
     lines = [shapely.LineString(chain.line) for chain in chains]
-    found = []
+    crossings = []
     tree = shapely.STRtree(lines)
     for a, b in sorted((int(a), int(b)) for a, b in tree.query(lines, predicate="intersects").T if a < b):
         common = set(chains[a].nodes) & set(chains[b].nodes)
@@ -127,7 +127,7 @@ def find_crossings(chains: Sequence[Chain], rails: Sequence[tuple[Array, int]]) 
             over = _level_at(chains[a], lines[a], x, y) - _level_at(chains[b], lines[b], x, y)
             if over:
                 upper, lower = (a, b) if over > 0 else (b, a)
-                found.append(Crossing(upper, lower, x, y))
+                crossings.append(Crossing(upper, lower, x, y))
     for line, layer in rails:
         rail = shapely.LineString(line)
         for k in sorted(int(k) for k in tree.query(rail, predicate="intersects")):
@@ -136,8 +136,8 @@ def find_crossings(chains: Sequence[Chain], rails: Sequence[tuple[Array, int]]) 
                 over = own - layer
                 # Bridges of railways are not built: streets below them stay level.
                 if over > 0 or own < min(layer, 0):
-                    found.append(Crossing(k if over > 0 else None, None if over > 0 else k, x, y))
-    return found
+                    crossings.append(Crossing(k if over > 0 else None, None if over > 0 else k, x, y))
+    return crossings
 
 
 def _points(shape: shapely.Geometry) -> list[tuple[float, float]]:
@@ -226,7 +226,7 @@ class _Programme:
         return np.asarray(gap + step * steps, dtype=np.float64), own, rise
 
     def solve(self) -> LayeredHeights:
-        """The heights."""
+        """Solves the programme; gives the heights."""
         low, heights = self._bounds(), self._count
         self._smooth()
         first = len(self._costs)
@@ -247,8 +247,8 @@ class _Programme:
         places = (rows.astype(np.int64), columns.astype(np.int64))
         matrix = coo_matrix((factors, places), shape=(len(self._rows), len(cost)))
         bounds = np.array([bound for _, _, bound in self._rows])
-        found = linprog(cost, A_ub=matrix.tocsr(), b_ub=bounds, bounds=limits, method="highs")  # type: ignore[call-overload]
-        z = np.round(found.x if found.x is not None else np.zeros(len(cost)), 4)
+        solution = linprog(cost, A_ub=matrix.tocsr(), b_ub=bounds, bounds=limits, method="highs")  # type: ignore[call-overload]
+        z = np.round(solution.x if solution.x is not None else np.zeros(len(cost)), 4)
         values = {k: z[own] + self._rises[k] for k, own in self._variables.items()}
         planes = [replace(p, z=float(p.z + height)) for p, height in zip(self._planes, z, strict=False)]
         result = LayeredHeights(
@@ -317,10 +317,10 @@ class _Programme:
                 bend, (slack, less) = self._extra(bend_cost), self._slack()
                 bent = float(rise[n] - 2.0 * rise[n + 1] + rise[n + 2])
                 for sign in (1.0, -1.0):
-                    factors, known = [sign, -2.0 * sign, sign], sign * bent
-                    limit = step * step / radius - known
+                    factors, rise_m = [sign, -2.0 * sign, sign], sign * bent
+                    limit = step * step / radius - rise_m
                     self._rows.append(([*columns, *slack], [*factors, *less], limit))
-                    self._rows.append(([*columns, bend], [*factors, -1.0], -known))
+                    self._rows.append(([*columns, bend], [*factors, -1.0], -rise_m))
 
     def _slack(self) -> tuple[list[int], list[float]]:
         """A column and its factor on sloping land, where grades and vertical curves may be missed."""
@@ -350,8 +350,8 @@ class _Programme:
         s = self._stations[chain]
         gap = np.abs(s - at)
         rows = np.flatnonzero(gap <= max(reach, 0.6 * float(s[1] - s[0]), gap.min()))
-        found = zip(self._variables[chain][rows].tolist(), self._rises[chain][rows].tolist(), strict=True)
-        return sorted(set(found))
+        points = zip(self._variables[chain][rows].tolist(), self._rises[chain][rows].tolist(), strict=True)
+        return sorted(set(points))
 
 
 def _along(chain: Chain, s: Array) -> Array:

@@ -18,14 +18,16 @@ from carlaloc_env.authoring.elements.mirroring import mirror
 from carlaloc_env.authoring.opendrive_writer import opendrive_text
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.map.routing.route import FitTurns
+from carlaloc_env.map.routing.plan_route import FitTurns
 from carlaloc_env.openstreetmap.clusters import End, half_width
 from carlaloc_env.openstreetmap.countries import Country, country_of, drives_left
 from carlaloc_env.openstreetmap.extract import Box, Extract, Way, place, read_extract
-from carlaloc_env.openstreetmap.features import MOST_BUILDINGS, Feature, Features, geojson, read_features
+from carlaloc_env.openstreetmap.features import Feature, Features, geojson
 from carlaloc_env.openstreetmap.furniture import furnish
 from carlaloc_env.openstreetmap.heights import find_heights
+from carlaloc_env.openstreetmap.houses import MOST_BUILDINGS
 from carlaloc_env.openstreetmap.land import Land, read_land
+from carlaloc_env.openstreetmap.read_features import read_features
 from carlaloc_env.openstreetmap.road_graph import Chain, RoadGraph, build_graph
 from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.settings import settings_text
@@ -140,7 +142,7 @@ def import_town(
 
 
 class _Streets:
-    """Reads each way once."""
+    """Streets of ways, each read once."""
 
     def __init__(self, extract: Extract, country: Country, solid: Sequence[Any], *, left: bool) -> None:
         self._extract, self._country, self._left = extract, country, left

@@ -77,18 +77,18 @@ def read_land(path: Path, extract: Extract) -> Land:
     grid = _grid(low, high, cell)
     geodetic = extract.geo.enu_to_geodetic(np.concatenate([grid, np.zeros((*grid.shape[:2], 1))], axis=2))
     z = _read(path, geodetic[..., 1], geodetic[..., 0])
-    known = np.isfinite(z)
-    share = float(known[tuple(np.rint((streets - low) / cell).astype(np.int64).T)].mean())
+    measured = np.isfinite(z)
+    share = float(measured[tuple(np.rint((streets - low) / cell).astype(np.int64).T)].mean())
     if share < LEAST_KNOWN:
         raise MapError(
             f"{path} has heights for {100 * share:.0f} % of the streets; give a raster that covers them all"
         )
-    z = z[tuple(distance_transform_edt(~known, return_distances=False, return_indices=True))]
+    z = z[tuple(distance_transform_edt(~measured, return_distances=False, return_indices=True))]
     report = {
         "raster": path.name,
         "lowest_m": round(float(z.min()), 1),
         "highest_m": round(float(z.max()), 1),
-        "filled_from_neighbours": round(float(1.0 - known.mean()), 4),
+        "filled_from_neighbours": round(float(1.0 - measured.mean()), 4),
     }
     land = Land(low_m=low, cell_m=cell, z_m=z, origin_m=0.0, report=report)
     origin_m = round(float(land.height(np.zeros((1, 2)))[0]), 2)

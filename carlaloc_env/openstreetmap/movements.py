@@ -23,7 +23,7 @@ def find_movements(
         allowed: Pairs of source and target between which the streets lead.
         turns: Marks of the incoming lanes of every leg, from the left; empty where none are tagged.
     """
-    found: list[Movement] = []
+    movements: list[Movement] = []
     for i, leg in enumerate(legs):
         if not leg.incoming:
             continue
@@ -39,18 +39,18 @@ def find_movements(
                 pairs = _pairs(leg, legs, j, turn, by_turn, turns[i])
                 if pairs:
                     own.append(Movement(i, j, tuple(pairs), turn))
-        found += own + _rest(i, legs, own)
+        movements += own + _rest(i, legs, own)
     # A one-way street that nothing else leads into is entered by turning back.
-    reached = {m.target for m in found}
+    reached = {m.target for m in movements}
     for i, j in sorted(allowed):
         if j not in reached and not legs[j].incoming and legs[i].incoming:
-            found.append(Movement(i, j, ((0, 0),), "back"))
-    used = ({m.source for m in found}, {m.target for m in found})
+            movements.append(Movement(i, j, ((0, 0),), "back"))
+    used = ({m.source for m in movements}, {m.target for m in movements})
     for i, leg in enumerate(legs):
         count = min(len(leg.incoming), len(leg.outgoing))
         if count and not all(i in legs_used for legs_used in used):
-            found.append(Movement(i, i, tuple((k, k) for k in range(count)), "back"))
-    return found
+            movements.append(Movement(i, i, tuple((k, k) for k in range(count)), "back"))
+    return movements
 
 
 def _turn(angle: float) -> str:
@@ -104,7 +104,7 @@ def _aside(leg: Leg, target: Leg, pair: tuple[int, int]) -> float:
 
 def _rest(i: int, legs: Sequence[Leg], own: Sequence[Movement]) -> list[Movement]:
     """Lanes that no movement takes follow the movement beside them."""
-    found: list[Movement] = []
+    movements: list[Movement] = []
     taken = {a for movement in own for a, _ in movement.lanes}
     for lane in range(len(legs[i].incoming)):
         if lane in taken or not own:
@@ -113,5 +113,5 @@ def _rest(i: int, legs: Sequence[Leg], own: Sequence[Movement]) -> list[Movement
         last = len(legs[nearest.target].outgoing) - 1
         beside, onto = min(nearest.lanes, key=lambda p: abs(p[0] - lane))
         onto = min(max(onto + lane - beside, 0), last)
-        found.append(Movement(i, nearest.target, ((lane, onto),), nearest.turn))
-    return found
+        movements.append(Movement(i, nearest.target, ((lane, onto),), nearest.turn))
+    return movements

@@ -132,9 +132,9 @@ def build_graph(extract: Extract, street_of: Callable[[Way], Street]) -> RoadGra
 def _joined(segments: Sequence[Segment], extract: Extract) -> list[Segment]:
     """Streets without those that meet no others here and are short."""
     part = parts([(u, v) for u, v, _ in segments], "weak")
-    found = lengths(segments, part, extract.xy_m)
-    least = min(PART_LEAST_M, max(found.values()))
-    return [s for s in segments if found[part[s[0]]] >= least]
+    length_m = lengths(segments, part, extract.xy_m)
+    least = min(PART_LEAST_M, max(length_m.values()))
+    return [s for s in segments if length_m[part[s[0]]] >= least]
 
 
 def _longest(segments: Sequence[Segment], extract: Extract) -> list[Segment]:
@@ -256,10 +256,10 @@ def _at_lights(chain: Chain, extract: Extract) -> list[Chain]:
         room = min(steps[k] - steps[cuts[-1]], steps[-1] - steps[k])
         if lit and room >= BLOCK_M and not _bent(chain, steps, k):
             cuts.append(k)
-    found = _split(chain, cuts[1:])
-    for before, after in itertools.pairwise(found):
+    pieces = _split(chain, cuts[1:])
+    for before, after in itertools.pairwise(pieces):
         before.lit, after.lit = before.lit | {after.nodes[0]}, after.lit | {after.nodes[0]}
-    return found
+    return pieces
 
 
 def _bent(chain: Chain, steps: Array, at: int) -> bool:

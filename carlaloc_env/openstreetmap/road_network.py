@@ -275,9 +275,9 @@ def _junction(
     plane = network.heights.of_cluster(cluster)
     allowed = _allowed(cluster, chains, banned)
     marks = [end.street.turns[1 - end.side] for end in cluster.ends]
-    found = find_movements(legs, allowed, marks)
+    movements = find_movements(legs, allowed, marks)
     lines: list[tuple[Path, float]] = []
-    for movement in found:
+    for movement in movements:
         ends = (cluster.ends[movement.source], cluster.ends[movement.target])
         poses = (legs[movement.source].pose, legs[movement.target].pose)
         tilts = legs[movement.source].tilt(), legs[movement.target].tilt()
@@ -285,10 +285,10 @@ def _junction(
         if key not in memo[1]:
             memo[1][key] = _path(movement, legs, cluster, chains)
         lines.append(memo[1][key])
-    wide = [movement for movement, line in zip(found, lines, strict=True) if line[1] >= LEAST_RADIUS_M]
+    wide = [movement for movement, line in zip(movements, lines, strict=True) if line[1] >= LEAST_RADIUS_M]
     sources, targets = {(m.source, a) for m in wide for a, _ in m.lanes}, {m.target for m in wide}
     built = []
-    for movement, (line, least_m) in zip(found, lines, strict=True):
+    for movement, (line, least_m) in zip(movements, lines, strict=True):
         if least_m < LEAST_RADIUS_M:
             tight = Tight(cluster.ends[movement.source], cluster.ends[movement.target], least_m)
             network.tight.append(tight)
@@ -307,16 +307,16 @@ def _allowed(
     cluster: Cluster, chains: Sequence[Chain], banned: Mapping[tuple[int, int], frozenset[int]]
 ) -> set[tuple[int, int]]:
     index = {(end.chain, end.side): k for k, end in enumerate(cluster.ends)}
-    leads, found = set(), set()
+    leads, pairs = set(), set()
     for a, b in reachable(cluster, chains):
         pair = index[a.chain, a.side], index[b.chain, b.side]
         source, target = (chains[e.chain].pieces[0 if e.side == 0 else -1].way for e in (a, b))
         leads.add(pair)
         if not any(target in banned.get((source, node), ()) for node in cluster.nodes):
-            found.add(pair)
+            pairs.add(pair)
     # Where the box cuts off the street into which one must turn, one turns into any.
-    lost = [{pair[k] for pair in leads} - {pair[k] for pair in found} for k in (0, 1)]
-    return found | {(a, b) for a, b in leads if a in lost[0] or b in lost[1]}
+    lost = [{pair[k] for pair in leads} - {pair[k] for pair in pairs} for k in (0, 1)]
+    return pairs | {(a, b) for a, b in leads if a in lost[0] or b in lost[1]}
 
 
 def _path(
@@ -340,8 +340,8 @@ def _path(
         ring = any(chains[k].street.ring for k in cluster.inner)
         if ring or off > ROUTE_M:
             options.insert(0, between(start, end, route[1:-1]))
-    found = [(path, lane_radius(path, ins, outs)) for path in options]
-    return next((pair for pair in found if pair[1] >= LEAST_RADIUS_M), max(found, key=lambda pair: pair[1]))
+    paths = [(path, lane_radius(path, ins, outs)) for path in options]
+    return next((pair for pair in paths if pair[1] >= LEAST_RADIUS_M), max(paths, key=lambda pair: pair[1]))
 
 
 def _route(cluster: Cluster, chains: Sequence[Chain], a: End, b: End) -> Array:
@@ -369,12 +369,12 @@ def lane_radius(path: Path, ins: Sequence[Border], outs: Sequence[Border]) -> fl
     """Least radius of the middles of the lanes right of a reference line [m]."""
     left, right = curvatures(path)
     widths = [max(a.width_m, b.width_m) for a, b in zip(ins, outs, strict=True)]
-    found = 1e9
+    radius = 1e9
     if right > 1e-9:
-        found = min(found, 1.0 / right - sum(widths) + 0.5 * widths[-1])
+        radius = min(radius, 1.0 / right - sum(widths) + 0.5 * widths[-1])
     if left > 1e-9:
-        found = min(found, 1.0 / left + 0.5 * widths[0])
-    return found
+        radius = min(radius, 1.0 / left + 0.5 * widths[0])
+    return radius
 
 
 def _connect(

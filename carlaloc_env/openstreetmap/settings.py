@@ -12,7 +12,7 @@ from carlaloc_env.authoring.elements.map_parts import RoadPart
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.map.routing.default_route import choose_loop
-from carlaloc_env.map.routing.route import FitTurns
+from carlaloc_env.map.routing.plan_route import FitTurns
 from carlaloc_env.openstreetmap.axes import sampled
 from carlaloc_env.openstreetmap.extract import Extract
 from carlaloc_env.openstreetmap.features import Features

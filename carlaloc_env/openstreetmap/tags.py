@@ -54,12 +54,12 @@ class Street:
 
 def number(text: str | None) -> float | None:
     """First number of a tag in metres, km/h or as it stands; None where it has none."""
-    found = _NUMBER.match((text or "").replace(",", "."))
-    if not found:
+    match = _NUMBER.match((text or "").replace(",", "."))
+    if not match:
         return None
-    unit = (found[2] or "").lower()
+    unit = (match[2] or "").lower()
     factor = {"mph": _MPH, "knots": _KNOT, "ft": 0.3048, "'": 0.3048}.get(unit, 1.0)
-    return float(found[1]) * factor
+    return float(match[1]) * factor
 
 
 def for_cars(way: Way) -> bool:
@@ -154,14 +154,14 @@ def _lanes(tags: Tags, oneway: bool, kind: str) -> tuple[tuple[int, int], bool]:
 def _turns(
     tags: Tags, lanes: tuple[int, int], oneway: bool, left: bool
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    found = []
+    turns = []
     for k, keys in enumerate((("turn:lanes:forward", "turn:lanes"), ("turn:lanes:backward",))):
         text = next((tags[key] for key in keys if key in tags and (oneway or key != "turn:lanes")), "")
         marks = tuple(text.split("|"))
         if len(marks) != lanes[k] or not text:
             marks = ()
-        found.append(tuple(map(_swapped, reversed(marks))) if left else marks)
-    return found[0], found[1]
+        turns.append(tuple(map(_swapped, reversed(marks))) if left else marks)
+    return turns[0], turns[1]
 
 
 def _swapped(mark: str) -> str:

@@ -77,25 +77,25 @@ def parts(edges: Sequence[tuple[Node, Node]], connection: Literal["weak", "stron
     number = {node: k for k, node in enumerate(sorted({node for edge in edges for node in edge}))}
     rows, columns = np.array([[number[a], number[b]] for a, b in edges]).T
     graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(number),) * 2)
-    found: NDArray[np.int32] = connected_components(graph, connection=connection)[1]
-    return {node: int(found[k]) for node, k in number.items()}
+    labels: NDArray[np.int32] = connected_components(graph, connection=connection)[1]
+    return {node: int(labels[k]) for node, k in number.items()}
 
 
 def lengths(
     segments: Iterable[Segment], part: Mapping[int, int], xy_m: Mapping[int, Point]
 ) -> dict[int, float]:
     """Length of the streets inside each part [m]."""
-    found: dict[int, float] = defaultdict(float)
+    length_m: dict[int, float] = defaultdict(float)
     for u, v, _ in segments:
         if part[u] == part[v]:
-            found[part[u]] += math.dist(xy_m[u], xy_m[v])
-    return found
+            length_m[part[u]] += math.dist(xy_m[u], xy_m[v])
+    return length_m
 
 
 def longest(segments: Iterable[Segment], part: Mapping[int, int], xy_m: Mapping[int, Point]) -> int:
     """Number of the part with the longest streets; -1 where no part has any."""
-    found = lengths(segments, part, xy_m)
-    return max(found, key=lambda k: (found[k], -k), default=-1)
+    length_m = lengths(segments, part, xy_m)
+    return max(length_m, key=lambda k: (length_m[k], -k), default=-1)
 
 
 class TurningPlaces:
@@ -233,15 +233,15 @@ class TurningPlaces:
         across = sorted({(part[a], part[b]) for a, b in edges if part[a] != part[b]})
 
         def reached() -> Mapping[int, int]:
-            found = list(across) + [(k, k) for k in set(part.values())]
+            links = list(across) + [(k, k) for k in set(part.values())]
             for k, lead in enumerate(leads):
                 foot, end = -1 - k, part[lead.node]
                 if lead.needed:
-                    found += [(end, foot)] * (lead.kind != "entry") + [(foot, end)] * (lead.kind != "exit")
+                    links += [(end, foot)] * (lead.kind != "entry") + [(foot, end)] * (lead.kind != "exit")
                 if lead.arc:
                     onward = -1 - (k + 1) % len(leads)
-                    found += [(foot, onward), (onward, foot)]
-            return parts(found, "strong")
+                    links += [(foot, onward), (onward, foot)]
+            return parts(links, "strong")
 
         home = reached()
         largest = longest(self._segments, {node: home[k] for node, k in part.items()}, self._xy)
@@ -287,12 +287,12 @@ class TurningPlaces:
             self._add(nodes, {**self._tags(leads[first].node), **tags})
 
     def _nodes(self, points: Iterable[Sequence[float]]) -> list[int]:
-        found = []
+        nodes = []
         for x, y in points:
             self._fresh -= 1
             self._xy[self._fresh] = (round(float(x), 4), round(float(y), 4))
-            found.append(self._fresh)
-        return found
+            nodes.append(self._fresh)
+        return nodes
 
     def _add(self, nodes: Sequence[int], tags: Tags) -> None:
         self._fresh -= 1

@@ -1,11 +1,4 @@
-"""Builds a town out of its map: default zones and traffic, roads, scenery.
-
-Everything that stands still in a town, built from its map.
-
-Zones for maps that come without a `town.toml`, chosen from their roads.
-
-Default numbers of vehicles and walkers of a town.
-"""
+"""Builds the scenery of a town from its map: ground, roads, buildings and plants."""
 
 from collections.abc import Sequence
 
@@ -22,9 +15,9 @@ from carlaloc_env.scenery.buildings.building_lots import lot_boxes
 from carlaloc_env.scenery.buildings.skyline import add_skyline
 from carlaloc_env.scenery.ground.ground_plan import Groundwork, lay_groundwork
 from carlaloc_env.scenery.mapped import MappedFeature, land_points
-from carlaloc_env.scenery.meshing.batches import InstanceIds
+from carlaloc_env.scenery.meshing.chunks import FAR_CHUNK_M, split_chunks
 from carlaloc_env.scenery.meshing.collision_mesh import weld
-from carlaloc_env.scenery.meshing.mesh_builder import FAR_CHUNK_M, split_chunks
+from carlaloc_env.scenery.meshing.props import InstanceIds
 from carlaloc_env.scenery.outline import TownScenery
 from carlaloc_env.scenery.roads.surfaces import Surfaces, add_surfaces
 from carlaloc_env.scenery.street.scene_dressing import dress

@@ -48,8 +48,8 @@ def read_mapped(path: Path, geo: GeoReference) -> list[MappedFeature]:
     try:
         entries = json.loads(path.read_text(encoding="utf-8"))["features"]
         shapes = [shapely.geometry.shape(entry["geometry"]) for entry in entries]
-        known = [(entry["properties"], shape) for entry, shape in zip(entries, shapes, strict=True)]
-        return [_feature(properties, shape, geo) for properties, shape in known]
+        pairs = [(entry["properties"], shape) for entry, shape in zip(entries, shapes, strict=True)]
+        return [_feature(properties, shape, geo) for properties, shape in pairs]
     except OSError as error:
         raise MapError(f"cannot read {path}: {error.strerror}; import the town again") from error
     except (ValueError, KeyError, TypeError, AttributeError, shapely.GEOSException) as error:
@@ -73,8 +73,8 @@ def of_kind(features: Sequence[MappedFeature], *kinds: str) -> list[MappedFeatur
 
 def land_points(features: Sequence[MappedFeature]) -> Array:
     """Points (K, 3) of the land between the roads [m]; none where nothing is known of it."""
-    found = [
+    points = [
         np.column_stack([shapely.get_coordinates(land.shape), land.properties["heights_m"]])
         for land in of_kind(features, "land")
     ]
-    return np.concatenate([np.zeros((0, 3)), *found])
+    return np.concatenate([np.zeros((0, 3)), *points])

@@ -1,4 +1,4 @@
-"""Building and caching towns."""
+"""Builds towns, or reads them from the cache."""
 
 import logging
 from collections.abc import Callable

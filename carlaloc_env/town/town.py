@@ -13,7 +13,8 @@ from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.roads import TownRoads
-from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.road.road_profile import Roughness
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag

@@ -17,8 +17,8 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.files.array_cache import cached
 from carlaloc_env.core.files.array_files import arrays_hash
 from carlaloc_env.map.config import SignalTiming
-from carlaloc_env.map.lanes import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
+from carlaloc_env.map.lanes.network_arrays import to_arrays
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.town.build import KEPT_FILES
@@ -152,7 +152,7 @@ def kept_tables(town: Town, *, folder: Path | None = None) -> TrafficTables:
         town: The town.
         folder: Where files lie; the default cache when left out.
     """
-    made_of = build_network.to_arrays(town.network)
+    made_of = to_arrays(town.network)
     if town.route is not None:
         made_of["route_m"] = town.route.position_m
     return TrafficTables(

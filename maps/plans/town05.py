@@ -125,15 +125,15 @@ def _ring_axis() -> Path:
 def _gores(ring: Path) -> tuple[Gore, ...]:
     """Two on every side: exits in the east and west, merges in the north and south; by station."""
     quarter, begin = 0.25 * ring.length, ring.start.y
-    found: list[Gore] = []
+    gores: list[Gore] = []
     for k in range(4):
         kind = Exit if k % 2 == 0 else Merge
         sign = 1.0 if k % 2 == 0 else -1.0
         for place, at in (("in", INNER_AT), ("out", OUTER_AT)):
             side = "L" if place == "in" else "R"
             station = (k * quarter + sign * at - begin) % ring.length
-            found.append(kind(name=f"G{k} {place}", at_m=station, side=side, **GORE))
-    return tuple(sorted(found, key=lambda gore: gore.at_m))
+            gores.append(kind(name=f"G{k} {place}", at_m=station, side=side, **GORE))
+    return tuple(sorted(gores, key=lambda gore: gore.at_m))
 
 
 def _between(ring: Path, gores: tuple[Gore, ...]) -> list[tuple[float, float]]:

@@ -13,8 +13,10 @@ from shared_fixtures.worlds.street_sketches import Sketch, village
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.openstreetmap.extract import read_extract
-from carlaloc_env.openstreetmap.features import colour, geojson, read_features
+from carlaloc_env.openstreetmap.features import geojson
+from carlaloc_env.openstreetmap.houses import colour
 from carlaloc_env.openstreetmap.import_town import import_town, write_town
+from carlaloc_env.openstreetmap.read_features import read_features
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scenery.buildings.footprint_roofs import (
     BOARD_M,
@@ -24,11 +26,11 @@ from carlaloc_env.scenery.buildings.footprint_roofs import (
     roof_rise,
 )
 from carlaloc_env.scenery.buildings.footprints import Houses
+from carlaloc_env.scenery.buildings.shell import Appearance, Shell
 from carlaloc_env.scenery.buildings.styles import STYLES
-from carlaloc_env.scenery.buildings.walls import Appearance, Shell
 from carlaloc_env.scenery.mapped import MappedFeature, read_mapped
-from carlaloc_env.scenery.meshing.batches import InstanceIds
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.scenery.meshing.props import InstanceIds
 from carlaloc_env.town.build import load_town
 
 FLAT = type("Flat", (), {"height": staticmethod(lambda xy: np.zeros(len(xy))), "sloping": False})()

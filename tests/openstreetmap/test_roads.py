@@ -12,7 +12,7 @@ from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, bridge, villa
 
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.opendrive.reader import read_opendrive
-from carlaloc_env.map.routing.route import plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
 from carlaloc_env.openstreetmap.import_town import import_town
 from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns

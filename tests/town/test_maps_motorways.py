@@ -11,7 +11,7 @@ from carlaloc_env.core.areas import union
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.lanes.lanes import Lane
-from carlaloc_env.map.routing.route import plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
 from carlaloc_env.scenery.ground.lane_strips import Strip, road_strips
 from carlaloc_env.scenery.ground.paved_areas import lane_area, town_areas
 

@@ -14,12 +14,13 @@ from carlaloc_env.map.config import TrafficCounts
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.driving_line import inside_line
-from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.map.routing.smoothing import RouteLine
 from carlaloc_env.map.traffic_counts import traffic_counts
 from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.scenery.ground.ground_plan import BELOW_M, lower_walks
 from carlaloc_env.scenery.ground.lane_strips import KERB_M, road_strips
+from carlaloc_env.scenery.ground.lowered_walks import BELOW_M, lower_walks
 from carlaloc_env.scenery.kerbs.swept_path import raised_near
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 

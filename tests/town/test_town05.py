@@ -10,7 +10,8 @@ from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
+from carlaloc_env.map.routing.route import Route
 
 FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town05"
 RING_M, HEIGHT_M = 520.0, 6.5

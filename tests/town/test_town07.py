@@ -10,7 +10,7 @@ from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.routing.route import plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
 
 FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town07"
 

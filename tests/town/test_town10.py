@@ -11,7 +11,7 @@ from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.routing.route import plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
 from carlaloc_env.map.sources import find_town
 
 FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town10"

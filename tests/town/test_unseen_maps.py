@@ -12,7 +12,7 @@ from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.default_route import choose_route
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
-from carlaloc_env.scenery.meshing.batches import InstanceIds
+from carlaloc_env.scenery.meshing.props import InstanceIds
 from carlaloc_env.scenery.street.signals_and_signs import add_signals
 from carlaloc_env.traffic.traffic_config import TrafficConfig
 from recorder.drive.record import RecordConfig, record

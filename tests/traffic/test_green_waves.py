@@ -9,7 +9,8 @@ from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.map.config import SignalTiming, TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.map.sources import find_town
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.signals import PACE, SignalPlan, SignalState

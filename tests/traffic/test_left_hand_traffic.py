@@ -12,7 +12,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.default_route import choose_route
-from carlaloc_env.map.routing.route import plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.standing_traffic import TrafficTables

@@ -16,7 +16,8 @@ from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.map.config import SignalTiming, TownConfig
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.map.sources import find_town
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns

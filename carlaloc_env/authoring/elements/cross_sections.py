@@ -21,7 +21,7 @@ SOLID_BEFORE_JUNCTION_M = 25.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrossSection:
-    """What a road looks like across, from its axis outwards.
+    """Lanes of a road across, from its axis outwards.
 
     The axis lies in the middle of the median. `CrossSection(lanes=2, back=0)` is a one-way road: its axis is
     the left border of its left lane, with the inner shoulder, gutter and sidewalk on the other side.
@@ -335,7 +335,7 @@ def link_sections(before: SectionPlan, after: SectionPlan) -> None:
     """Link lanes of the same key whose width at the joint is not zero."""
     following = {lane.key: (lane_id, lane) for lane_id, lane in after.lanes()}
     for lane_id, lane in before.lanes():
-        found = following.get(lane.key)
-        if found and lane.width_at(before.length) > 1e-6 and found[1].width_at(0.0) > 1e-6:
-            lane.successor = found[0]
-            found[1].predecessor = lane_id
+        match = following.get(lane.key)
+        if match and lane.width_at(before.length) > 1e-6 and match[1].width_at(0.0) > 1e-6:
+            lane.successor = match[0]
+            match[1].predecessor = lane_id

@@ -9,7 +9,7 @@ _FIRST = {ROAD: 1, JUNCTION: 100_001, SIGNAL: 200_001, CONTROLLER: 300_001, OBJE
 
 @dataclass(slots=True)
 class Numbers:
-    """Counts identifiers up; connecting roads of junction j are 1000·j + 1, 1000·j + 2 and so on."""
+    """Counts identifiers up, each kind in its range; connecting roads have ranges of their own."""
 
     used: dict[str, int] = field(default_factory=dict)
 
@@ -19,9 +19,12 @@ class Numbers:
         return self.used[kind]
 
     def connecting_road(self, junction_id: int) -> int:
-        """Next connecting road of a junction."""
+        """Next connecting road of a junction.
+
+        Junction j below 100 counts from 1000·j + 1 on, a later one from 1000·(j + 900) + 1 on: what lies
+        between is ids of other kinds.
+        """
         key = f"junction {junction_id}"
         self.used[key] = self.used.get(key, 0) + 1
         index = junction_id - 100_000
-        # Those of the hundredth junction would be ids of junctions.
         return 1000 * (index if index < 100 else index + 900) + self.used[key]

@@ -1,4 +1,4 @@
-"""What stands and is painted at the legs of a junction: lights, signs, stop lines, crosswalks, arrows."""
+"""Furniture and paint at the legs of a junction: lights, signs, stop lines, crosswalks, arrows."""
 
 import math
 from collections.abc import Sequence
@@ -71,13 +71,13 @@ def paint_crosswalk(leg: Leg, numbers: Numbers, centre_m: float) -> None:
     leg.road.objects.append(_rectangle(numbers, leg, "crosswalk", "Crosswalk", centre_m, CROSSWALK_M, kerbs))
 
 
-def paint_arrows(legs: Sequence[Leg], found: Sequence[Movement], numbers: Numbers, back_m: float) -> None:
+def paint_arrows(legs: Sequence[Leg], movements: Sequence[Movement], numbers: Numbers, back_m: float) -> None:
     """Turn arrows on every lane of legs with more than one incoming lane."""
     for i, leg in enumerate(legs):
         if len(leg.incoming) < 2:
             continue
         for k, border in enumerate(leg.incoming):
-            turns = {m.turn for m in found if m.source == i and any(a == k for a, _ in m.lanes)}
+            turns = {m.turn for m in movements if m.source == i and any(a == k for a, _ in m.lanes)}
             name = "Arrow" + "".join(t.capitalize() for t in ("left", "straight", "right") if t in turns)
             middle = border.right_m + 0.5 * border.width_m
             edges = (middle - 0.5, middle + 0.5)

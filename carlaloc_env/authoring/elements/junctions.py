@@ -48,7 +48,7 @@ def turn_angle(source: Leg, target: Leg) -> float:
 
 def movements(legs: Sequence[Leg], no_left: Sequence[str] = ()) -> list[Movement]:
     """Every legal movement: pocket or left lane to the left, right lane to the right, the rest straight."""
-    found: list[Movement] = []
+    legal: list[Movement] = []
     for i, leg in enumerate(legs):
         turns: dict[str, list[int]] = {"left": [], "straight": [], "right": []}
         for j, other in enumerate(legs):
@@ -61,8 +61,8 @@ def movements(legs: Sequence[Leg], no_left: Sequence[str] = ()) -> list[Movement
             for j in targets:
                 pairs = lane_pairs(leg, legs, j, turn, turns)
                 if pairs:
-                    found.append(Movement(i, j, tuple(pairs), turn))
-    return found
+                    legal.append(Movement(i, j, tuple(pairs), turn))
+    return legal
 
 
 def lane_pairs(
@@ -106,15 +106,15 @@ def build_junction(
     carries gutter and sidewalk lanes round the corner, as CARLA's own maps do.
     """
     roads: list[RoadPart] = []
-    found = movements(legs, no_left)
-    for movement in found:
+    legal = movements(legs, no_left)
+    for movement in legal:
         source, target = legs[movement.source], legs[movement.target]
         angles = {j: turn_angle(source, other) for j, other in enumerate(legs) if j != movement.source}
         outermost = min(angles, key=lambda j: angles[j]) == movement.target
         road = connect(part, source, target, movement.lanes, numbers, plane, outer=outermost and sidewalk)
         road.name = f"{part.name} {movement.turn} from {source.road.name}"
         roads.append(road)
-    return roads, found
+    return roads, legal
 
 
 def connect(

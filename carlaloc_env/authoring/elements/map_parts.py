@@ -12,7 +12,7 @@ _OUTER = ("shoulder", "sidewalk", "biking", "parking")
 
 @dataclass(slots=True)
 class Link:
-    """What a road is joined to at one end."""
+    """The neighbour that a road is joined to at one end."""
 
     kind: str
     """`road` or `junction`."""

@@ -68,18 +68,18 @@ def in_plane(plane: Plane, path: Path) -> tuple[list[Record], list[Record]]:
 
 
 def _cubics(
-    stations: Sequence[float], known: Sequence[tuple[float, float]], tolerance: float
+    stations: Sequence[float], heights: Sequence[tuple[float, float]], tolerance: float
 ) -> list[Record]:
     """As few cubics as possible through values with their slopes, each as long as it misses none of them."""
     records: list[Record] = []
     first, last = 0, len(stations) - 1
     while first < last:
         best = first + 1
-        cubic = _between(stations, known, first, best)
+        cubic = _between(stations, heights, first, best)
         for end in range(first + 2, last + 1):
-            trial = _between(stations, known, first, end)
+            trial = _between(stations, heights, first, end)
             inner = range(first + 1, end)
-            if any(abs(height_at([trial], stations[k])[0] - known[k][0]) > tolerance for k in inner):
+            if any(abs(height_at([trial], stations[k])[0] - heights[k][0]) > tolerance for k in inner):
                 break
             best, cubic = end, trial
         records.append(cubic)
@@ -88,10 +88,10 @@ def _cubics(
 
 
 def _between(
-    stations: Sequence[float], known: Sequence[tuple[float, float]], first: int, last: int
+    stations: Sequence[float], heights: Sequence[tuple[float, float]], first: int, last: int
 ) -> Record:
     length = stations[last] - stations[first]
-    return (stations[first], *hermite(*known[first], *known[last], length)[0][1:])
+    return (stations[first], *hermite(*heights[first], *heights[last], length)[0][1:])
 
 
 def leaning(first: float, last: float, length: float) -> list[Record]:

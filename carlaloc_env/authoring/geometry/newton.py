@@ -1,4 +1,4 @@
-"""The few unknowns of a curve, found from what it misses."""
+"""Newton's method for the few unknowns of a curve, from what it misses."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,7 +12,7 @@ class PlanError(ValueError):
 
 
 def solve(miss: Callable[[Sequence[float]], list[float]], guess: Sequence[float]) -> list[float]:
-    """Unknowns at which nothing is missed.
+    """Solves for the unknowns at which nothing is missed.
 
     Raises:
         PlanError: no solution was reached.
@@ -21,7 +21,7 @@ def solve(miss: Callable[[Sequence[float]], list[float]], guess: Sequence[float]
     def missed(unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.array(miss(unknowns.tolist()))
 
-    found: list[float] = root(missed, guess, tol=1e-13).x.tolist()
-    if max(abs(value) for value in miss(found)) > 1e-9:
+    solution: list[float] = root(missed, guess, tol=1e-13).x.tolist()
+    if max(abs(value) for value in miss(solution)) > 1e-9:
         raise PlanError(f"the curve has no solution near {list(guess)}")
-    return found
+    return solution

@@ -1,4 +1,4 @@
-"""What can be done with a finished path: cutting, shifting aside, running backwards, turning round."""
+"""Operations on a finished path: cut it, shift it aside, run it backwards, turn round."""
 
 import math
 

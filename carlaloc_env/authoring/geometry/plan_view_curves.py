@@ -236,12 +236,12 @@ def ring_entry(start: Pose, end: Pose, end_curvature: float, first_m: float, las
         tip = Path(start, tuple(chain(unknown))).end
         return [tip.x - end.x, tip.y - end.y, wrap(tip.h - end.h)]
 
-    found = solve(miss, [5.0, 0.05, 10.0])
-    if min(found) <= 0:
+    roots = solve(miss, [5.0, 0.05, 10.0])
+    if min(roots) <= 0:
         raise PlanError(
-            f"no ring entry: straight {found[0]:.1f} m, curvature {found[1]:.3f}, arc {found[2]:.1f} m"
+            f"no ring entry: straight {roots[0]:.1f} m, curvature {roots[1]:.3f}, arc {roots[2]:.1f} m"
         )
-    return Path(start, tuple(chain(found)))
+    return Path(start, tuple(chain(roots)))
 
 
 def mirrored(path: Path, axis: Pose) -> Path:

@@ -20,7 +20,6 @@ from carlaloc_env.map.checks.graph import (
     link_problems,
     membership_problems,
     reciprocity_problems,
-    signal_problems,
 )
 from carlaloc_env.map.checks.roads import (
     Problem,
@@ -29,6 +28,7 @@ from carlaloc_env.map.checks.roads import (
     plan_view_problems,
     road_problems,
 )
+from carlaloc_env.map.checks.signals import signal_problems
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.opendrive.reader import read_opendrive
@@ -101,7 +101,7 @@ def report(xodr: OpenDrive, network: LaneNetwork) -> MapReport:
         *signal_problems(xodr, network),
     ]
     checked = [Problem(severity=s, element=e, id=i, line=n, message=m) for s, e, i, n, m in rows]
-    found = [*xodr.notes, *network.broken_links, *checked]
+    problems = [*xodr.notes, *network.broken_links, *checked]
     driving = np.array([lane.type == "driving" for lane in network.lanes])
     inside = np.array([lane.junction_id is not None for lane in network.lanes])
     length = network.tables.length_m
@@ -124,7 +124,7 @@ def report(xodr: OpenDrive, network: LaneNetwork) -> MapReport:
         shift_m=xodr.shift_m,
         extent_min_m=(float(low[0]), float(low[1]), float(low[2])),
         extent_max_m=(float(high[0]), float(high[1]), float(high[2])),
-        problems=tuple(sorted(found, key=lambda p: (p.severity, p.line))),
+        problems=tuple(sorted(problems, key=lambda p: (p.severity, p.line))),
     )
 
 

@@ -1,7 +1,4 @@
-"""Checks of single roads: reference line, records, widths, grades, clearance.
-
-One fault of a map, as all checks give it.
-"""
+"""Checks of single roads: reference line, records, widths, grades, clearance."""
 
 import re
 
@@ -9,8 +6,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.map.lanes.build_lanes import CAR_WIDTH_M
 from carlaloc_env.map.lanes.lane_network import CLEARANCE_M, LaneNetwork
-from carlaloc_env.map.lanes.lanes import CAR_WIDTH_M
 from carlaloc_env.map.opendrive.lane_boundaries import ROUNDING_M
 from carlaloc_env.map.opendrive.records import (
     LaneRecord,
@@ -230,15 +227,15 @@ def clearance_problems(network: LaneNetwork) -> list[Row]:
     other = np.where(hit, near, 0)
     rise = np.abs(p[other, 2] - p[:, 2][:, None])
     linked = _linked(network)
-    found: dict[tuple[int, int], float] = {}
+    least_rise_m: dict[tuple[int, int], float] = {}
     for a, k in np.argwhere(hit & (road[other] != road[:, None]) & (rise < CLEARANCE_M)):
         pair = (int(min(road[a], road[other[a, k]])), int(max(road[a], road[other[a, k]])))
         if pair not in linked:
-            found[pair] = min(found.get(pair, np.inf), float(rise[a, k]))
+            least_rise_m[pair] = min(least_rise_m.get(pair, np.inf), float(rise[a, k]))
     roads, advice = network.xodr.roads, f"leave {CLEARANCE_M:g} m or join them in a junction"
     messages = {
         pair: f"crosses road {roads[pair[1]].id} with {rise_m:.2f} m between them; {advice}"
-        for pair, rise_m in sorted(found.items())
+        for pair, rise_m in sorted(least_rise_m.items())
     }
     return [("warning", "road", roads[a].id, roads[a].line, text) for (a, _), text in messages.items()]
 

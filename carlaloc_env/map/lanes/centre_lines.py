@@ -11,7 +11,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.map.opendrive.lane_boundaries import last_at_or_before
+from carlaloc_env.map.opendrive.cubic_table import last_at_or_before
 from carlaloc_env.map.opendrive.road_surface import RoadSurface, SurfaceCurve
 
 TABLE_STEP_M = 0.5

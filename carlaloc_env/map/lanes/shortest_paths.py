@@ -57,26 +57,26 @@ def cheapest_path(
     wanted: dict[int, list[int]] = {}
     for number, goal in enumerate(goals):
         wanted.setdefault(goal.lane, []).append(number)
-    found: dict[int, tuple[float, list[LaneSpan]]] = {}
+    paths: dict[int, tuple[float, list[LaneSpan]]] = {}
     order = 0
     length = network.lanes[start.lane].length_m
     fraction = min(start.station_m / length, 1.0) if length > 0.0 else 0.0
     heap: list[tuple[float, int, _Visit]] = [(0.0, order, _Visit(0.0, start.lane, fraction, (), None))]
     settled: set[tuple[int, bool]] = set()
     best_possible = float("inf")
-    while heap and (len(found) < len(goals) or heap[0][0] <= best_possible):
+    while heap and (len(paths) < len(goals) or heap[0][0] <= best_possible):
         _, _, visit = heapq.heappop(heap)
         key = (visit.lane, visit.fraction > 0.0)
         if key in settled:
             continue
         settled.add(key)
-        _reach_goals(network, visit, goals, wanted.get(visit.lane, ()), found)
-        if len(found) == len(goals):
-            best_possible = max(cost for cost, _ in found.values())
+        _reach_goals(network, visit, goals, wanted.get(visit.lane, ()), paths)
+        if len(paths) == len(goals):
+            best_possible = max(cost for cost, _ in paths.values())
         for following in _onward(network, visit):
             order += 1
             heapq.heappush(heap, (following.cost_m, order, following))
-    return found
+    return paths
 
 
 def _reach_goals(
@@ -84,7 +84,7 @@ def _reach_goals(
     visit: _Visit,
     goals: Sequence[LanePosition],
     numbers: Sequence[int],
-    found: dict[int, tuple[float, list[LaneSpan]]],
+    paths: dict[int, tuple[float, list[LaneSpan]]],
 ) -> None:
     length = network.lanes[visit.lane].length_m
     for number in numbers:
@@ -93,8 +93,8 @@ def _reach_goals(
         if fraction < visit.fraction - 1e-9 or room < LANE_CHANGE_ROOM_M * len(visit.changes):
             continue
         cost = visit.cost_m + room
-        if number not in found or cost < found[number][0]:
-            found[number] = (cost, _spans(visit, min(fraction, 1.0)))
+        if number not in paths or cost < paths[number][0]:
+            paths[number] = (cost, _spans(visit, min(fraction, 1.0)))
 
 
 def _onward(network: LaneNetwork, visit: _Visit) -> list[_Visit]:
@@ -144,8 +144,8 @@ def path_through(network: LaneNetwork, stops: Sequence[Sequence[LanePosition]]) 
                 continue
             for k, (cost, spans) in cheapest_path(network, place, there).items():
                 total = so_far[0] + cost
-                known = following[k]
-                if known is None or total < known[0]:
+                cheapest = following[k]
+                if cheapest is None or total < cheapest[0]:
                     following[k] = (total, so_far[1] + spans)
         best = following
         if all(path is None for path in best):

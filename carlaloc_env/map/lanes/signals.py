@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.transforms import from_rotation
 from carlaloc_env.map.lanes.lanes import SIGN_CODES, SIGN_KINDS, SignalHead, StaticSign
-from carlaloc_env.map.opendrive.read_roads import MPS_PER_UNIT
+from carlaloc_env.map.opendrive.read_lane_sections import MPS_PER_UNIT
 from carlaloc_env.map.opendrive.records import Road, RoadObject, SignalRecord, Validity
 
 if TYPE_CHECKING:
@@ -117,11 +117,11 @@ def object_pose(network: LaneNetwork, road: Road, item: RoadObject) -> NDArray[n
 
 
 def _references(network: LaneNetwork) -> defaultdict[str, list[_Effect]]:
-    found: defaultdict[str, list[_Effect]] = defaultdict(list)
+    effects: defaultdict[str, list[_Effect]] = defaultdict(list)
     for road in network.xodr.roads:
         for ref in road.signal_references:
-            found[ref.id] += _effects(network, road, ref.s_m, ref.orientation, ref.validity)
-    return found
+            effects[ref.id] += _effects(network, road, ref.s_m, ref.orientation, ref.validity)
+    return effects
 
 
 def _effects_of(network: LaneNetwork, road: Road, signal: SignalRecord) -> list[_Effect]:
@@ -150,7 +150,7 @@ def _effects(
     network: LaneNetwork, road: Road, s_m: float, orientation: str, validity: tuple[Validity, ...]
 ) -> list[_Effect]:
     """Lanes at s that a signal names; without validity, the lanes of its orientation."""
-    found = []
+    effects = []
     for lane_id, lane in network.lanes_at(road.id, s_m):
         if network.lanes[lane].type != "driving":
             continue
@@ -159,8 +159,8 @@ def _effects(
         else:
             named = orientation == "none" or (orientation == "+") == network.lanes[lane].forward
         if named:
-            found.append(_Effect(lane, network.station_at(lane, s_m)))
-    return found
+            effects.append(_Effect(lane, network.station_at(lane, s_m)))
+    return effects
 
 
 def _dedupe(effects: Sequence[_Effect]) -> list[_Effect]:

@@ -70,8 +70,8 @@ class LaneLinks:
     def _follow_road(self, n: int, road: Road, end: End, link: RoadLink | None) -> None:
         if link is None:
             return
-        known = self._junction if link.element_type == "junction" else self._road
-        if link.element_id not in known:
+        numbers = self._junction if link.element_type == "junction" else self._road
+        if link.element_id not in numbers:
             message = f"links to {link.element_type} {link.element_id}, which does not exist"
             self._report("road", road.id, road.line, message, "warning")
             return

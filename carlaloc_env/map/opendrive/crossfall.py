@@ -7,7 +7,8 @@ import numpy as np
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index, Mask
 from carlaloc_env.core.point_tree import point_tree
-from carlaloc_env.map.opendrive.lane_boundaries import CubicTable, LaneEdges
+from carlaloc_env.map.opendrive.cubic_table import CubicTable
+from carlaloc_env.map.opendrive.lane_boundaries import LaneEdges
 from carlaloc_env.map.opendrive.records import Road, RoadLink
 from carlaloc_env.map.opendrive.reference_line import PlanView
 
@@ -163,13 +164,13 @@ class Crossfall:
         xyz, drop, row = np.concatenate(points), np.concatenate(drops), np.concatenate(rows)
         use = np.isfinite(xyz).all(axis=1)
         xyz, drop, row = xyz[use], drop[use], row[use]
-        found = np.zeros(len(s), dtype=bool)
+        stepped = np.zeros(len(s), dtype=bool)
         pairs = point_tree(xyz).query_pairs(BESIDE_M, output_type="ndarray")
         a, b = number[row[pairs[:, 0]]], number[row[pairs[:, 1]]]
         step = np.abs(drop[pairs[:, 0]] - drop[pairs[:, 1]]) > STEP_M
         pairs = pairs[(a != b) & step & ~np.isin(a * len(roads) + b, _linked(roads))]
-        found[row[pairs.ravel()]] = True
-        return found
+        stepped[row[pairs.ravel()]] = True
+        return stepped
 
     def _middle(self, plan: PlanView, s_m: Array) -> Array:
         """Points of all roads' lane 0, each at a station of its own (N,) [m], shape (N, 2)."""

@@ -18,7 +18,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.core.map_projection import ProjectedReference, area_of_use, projected_reference
-from carlaloc_env.map.opendrive.read_roads import PROJECTED_LIMIT
+from carlaloc_env.map.opendrive.read_plan_view import PROJECTED_LIMIT
 from carlaloc_env.map.opendrive.records import Road
 from carlaloc_env.map.opendrive.xml_document import Document, Element, ElementError
 
@@ -115,13 +115,13 @@ def _projected(
     area = area_of_use(text)
     for sign, remark in readings.items():
         with suppress(ConfigError):
-            found = _placed(text, offset, sign, shift_m)
-            if area is None or _inside(area, found.enu_to_geodetic([*middle, 0.0])):
-                return found, remark or _scale(found)
+            reference = _placed(text, offset, sign, shift_m)
+            if area is None or _inside(area, reference.enu_to_geodetic([*middle, 0.0])):
+                return reference, remark or _scale(reference)
     if "+proj=utm" in text and len(set(_CENTRE.findall(text))) == 2:
         raise ConfigError(f"the map does not lie in the zone of {text[:100]}, which names a centre")
-    found = _placed(text, offset, next(iter(readings)), shift_m)
-    return found, f"the map lies outside the area of {text[:100]}; {_ADVICE}"
+    reference = _placed(text, offset, next(iter(readings)), shift_m)
+    return reference, f"the map lies outside the area of {text[:100]}; {_ADVICE}"
 
 
 def _placed(text: str, offset: _Offset, sign: float, shift_m: tuple[float, float]) -> ProjectedReference:
@@ -153,8 +153,8 @@ def _scale(reference: ProjectedReference) -> str | None:
 
 def _centred(text: str, shift_m: tuple[float, float]) -> GeoReference | None:
     """Plane that touches the Earth at the centre that an unreadable reference names, if it names one."""
-    found = dict(_CENTRE.findall(text))
-    return _tangent(found.get("lat_0"), found.get("lon_0"), shift_m)
+    centre = dict(_CENTRE.findall(text))
+    return _tangent(centre.get("lat_0"), centre.get("lon_0"), shift_m)
 
 
 def _stated_centre(header: Element, shift_m: tuple[float, float]) -> GeoReference | None:

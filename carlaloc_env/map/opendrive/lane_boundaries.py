@@ -1,7 +1,4 @@
-"""All lanes of a map in one row of numbers, and their edges as t over s.
-
-Many cubic profiles in one table, evaluated for arrays of (owner, s) at once.
-"""
+"""All lanes of a map in one row of numbers, and their edges as t over s."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,70 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.map.opendrive.cubic_table import CubicTable
 from carlaloc_env.map.opendrive.records import Cubic, LaneRecord, LaneSection, Road
-
-
-def last_at_or_before(first: Index, count: Index, starts: Array, s: Array) -> Index:
-    """Row of the last start ≤ s among each query's own rows; the first row if none is.
-
-    Args:
-        first: First row of each query's own rows, (M,).
-        count: Number of its own rows, at least one, (M,).
-        starts: Ascending within each owner, all rows, (R,).
-        s: What is looked up, (M,).
-    """
-    low = first.copy()
-    # Most owners have a single row; only the others are searched.
-    many = np.flatnonzero(count > 1)
-    if not len(many):
-        return low
-    s = s[many]
-    at, end = first[many], first[many] + count[many]
-    for _ in range(int(count.max(initial=1) - 1).bit_length()):
-        middle = (at + end) >> 1
-        right = starts[np.minimum(middle, len(starts) - 1)] <= s
-        # A span of one row halves to itself: it can only stay.
-        right &= middle > at
-        at = np.where(right, middle, at)
-        end = np.where(right | (end - at <= 1), end, middle)
-    low[many] = at
-    return low
-
-
-class CubicTable:
-    """Cubic records of many owners (roads or lanes)."""
-
-    def __init__(self, owners: Sequence[Sequence[Cubic]]) -> None:
-        """Concatenates the records; each owner's records ascend in s."""
-        counts = np.array([len(records) for records in owners], dtype=np.int64)
-        self.count: Index = counts
-        self.first: Index = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
-        flat = [(r.s_m, r.a, r.b, r.c, r.d) for records in owners for r in records]
-        rows = np.array(flat, dtype=np.float64).reshape(-1, 5)
-        self.start_m: Array = np.ascontiguousarray(rows[:, 0])
-        self.coefficients: Array = np.ascontiguousarray(rows[:, 1:].T)
-        self.constant_zero = not rows[:, 1:].any()
-
-    def evaluate(self, owner: Index, s_m: Array) -> tuple[Array, Array, Array]:
-        """Value, first and second derivative by s, each (M,); 0 for owners without records.
-
-        Before an owner's first record its start value holds.
-        """
-        zero = np.zeros(len(owner))
-        if self.constant_zero:
-            return zero, zero, zero
-        count = self.count[owner]
-        row = last_at_or_before(self.first[owner], np.maximum(count, 1), self.start_m, s_m)
-        row = np.minimum(row, len(self.start_m) - 1)
-        before = s_m < self.start_m[row]
-        ds = np.where(before, 0.0, s_m - self.start_m[row])
-        a, b, c, d = (k[row] for k in self.coefficients)
-        value = a + ds * (b + ds * (c + ds * d))
-        slope = np.where(before, 0.0, b + ds * (2.0 * c + ds * 3.0 * d))
-        bend = np.where(before, 0.0, 2.0 * c + 6.0 * d * ds)
-        has = count > 0
-        return np.where(has, value, zero), np.where(has, slope, zero), np.where(has, bend, zero)
-
 
 ROUNDING_M = 1e-6
 """Widths that fall below 0 by less are rounded, not wrong [m]."""
@@ -177,9 +112,9 @@ class LaneEdges:
         return [np.where(negative, 0.0, part) for part in parts] if negative.any() else parts
 
     def _walk(self, lane: Index, s_m: Array, *, start: Index | None = None) -> Edge:
-        known = lane if start is None else start
-        total = [part.copy() for part in self._offset.evaluate(self.road[known], s_m)]
-        side = self.side[known]
+        lanes = lane if start is None else start
+        total = [part.copy() for part in self._offset.evaluate(self.road[lanes], s_m)]
+        side = self.side[lanes]
         # Of all borders inside of a lane, the outermost counts: no lane reaches into the one inside of it.
         farthest = [np.full(len(side), np.nan) for _ in total]
         current = lane.copy()
@@ -204,9 +139,9 @@ class LaneEdges:
 
 
 def _take_farther(farthest: list[Array], rows: Index, edges: Sequence[Array], side: Array) -> None:
-    """Takes over those edges that lie farther out than the ones known."""
-    known = farthest[0][rows]
-    farther = np.isnan(known) | (side[rows] * (edges[0] - known) > 0.0)
+    """Takes over those edges that lie farther out than the outermost so far."""
+    outermost = farthest[0][rows]
+    farther = np.isnan(outermost) | (side[rows] * (edges[0] - outermost) > 0.0)
     for part, edge in zip(farthest, edges, strict=True):
         part[rows[farther]] = edge[farther]
 

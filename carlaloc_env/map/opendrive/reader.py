@@ -1,187 +1,33 @@
-"""Reads an OpenDRIVE file into `OpenDrive`; what cannot be used is left out with a note on the place.
+"""Reads an OpenDRIVE file into `OpenDrive`; what cannot be used is left out with a note on the place."""
 
-Notes on records that stand out of order or begin too late; such files are read all the same.
-
-Moves maps whose coordinates are large, such as absolute UTM metres, near the world's origin.
-
-Notes on elements and attributes that are not read, by the table in `elements.toml`.
-"""
-
-import re
-import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from functools import cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar
-
-import numpy as np
+from typing import Literal, NamedTuple, TypeVar
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.map.opendrive.geo_reference import read_geo_reference
-from carlaloc_env.map.opendrive.read_roads import (
-    read_cubics,
+from carlaloc_env.map.opendrive.near_origin import near_origin
+from carlaloc_env.map.opendrive.read_lane_sections import read_sections, read_speed
+from carlaloc_env.map.opendrive.read_plan_view import read_cubics, read_plan_view, read_shapes
+from carlaloc_env.map.opendrive.read_signals_and_objects import (
     read_objects,
     read_passages,
-    read_plan_view,
-    read_sections,
-    read_shapes,
     read_signal_references,
     read_signals,
-    read_speed,
 )
+from carlaloc_env.map.opendrive.record_order import note_order
 from carlaloc_env.map.opendrive.records import (
     Connection,
     Controller,
     Geometry,
     Junction,
     JunctionController,
-    Note,
     OpenDrive,
     Road,
     RoadLink,
     SpeedRecord,
 )
+from carlaloc_env.map.opendrive.unread_elements import note_unread
 from carlaloc_env.map.opendrive.xml_document import Document, Element, ElementError
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
-FAR_M = 20_000.0
-"""Maps nearer to their origin stay where they are: single precision holds 2 mm there [m]."""
-REACH_M = 100_000.0
-"""Roads farther than this from the middle of the others are left out [m]."""
-STEP_M = 1000.0
-"""Shifts are multiples of this [m], so that coordinates of both can be compared by eye."""
-
-
-def near_origin(document: Document, roads: Sequence[Road]) -> tuple[list[Road], tuple[float, float]]:
-    """Roads near the world's origin, and where that lies in the file's coordinates x, y [m].
-
-    Roads that lie farther than `REACH_M` from the rest are left out with a note.
-    """
-    if not roads:
-        return [], (0.0, 0.0)
-    middle = np.median([(road.geometry[0].x_m, road.geometry[0].y_m) for road in roads], axis=0)
-    shift = np.round(middle / STEP_M) * STEP_M if np.abs(middle).max() > FAR_M else np.zeros(2)
-    x, y = (float(part) for part in shift)
-    if x or y:
-        message = f"coordinates are far from their origin; the world's origin is x={x:.0f}, y={y:.0f} of them"
-        document.note(document.root, message)
-        roads = [_shifted(road, x, y) for road in roads]
-    near = [road for road in roads if _reach_m(road) <= REACH_M]
-    for road in roads:
-        if _reach_m(road) > REACH_M:
-            message = f"lies {_reach_m(road):.3g} m from the rest, so it is left out; correct its geometry"
-            document.notes.append(
-                Note(severity="error", element="road", id=road.id, line=road.line, message=message)
-            )
-    return near, (x, y)
-
-
-def _shifted(road: Road, x_m: float, y_m: float) -> Road:
-    return replace(road, geometry=tuple(replace(g, x_m=g.x_m - x_m, y_m=g.y_m - y_m) for g in road.geometry))
-
-
-def _reach_m(road: Road) -> float:
-    return max(max(abs(g.x_m), abs(g.y_m)) for g in road.geometry)
-
-
-ROAD_RECORDS = (
-    ("planView/geometry", True),
-    ("elevationProfile/elevation", True),
-    ("lateralProfile/superelevation", False),
-    ("lanes/laneOffset", True),
-    ("lanes/laneSection", True),
-)
-"""Path of the records and whether the first must begin at s = 0."""
-
-
-def note_order(document: Document, road: Element) -> None:
-    """Notes descending s in one road's records, and first records that leave the road's start open."""
-    for path, from_zero in ROAD_RECORDS:
-        _sequence(document, road.findall(path), "s", from_zero)
-    for section in road.findall("lanes/laneSection"):
-        for lane in section.iter("lane"):
-            _sequence(document, lane.findall("width"), "sOffset", True)
-
-
-def _sequence(document: Document, elements: list[Element], name: str, from_zero: bool) -> None:
-    last = None
-    for element in elements:
-        try:
-            s = document.number(element, name, 0.0)
-        except ElementError:
-            continue
-        if last is None and from_zero and abs(s) > 1e-9:
-            document.note(element, f"first record begins at {name}={s:g}; begin at 0")
-        elif last is not None and s < last:
-            document.note(element, f"{name}={s:g} after {last:g}; write records in ascending order")
-        last = s
-
-
-ELEMENTS = Path(__file__).with_name("elements.toml")
-"""All elements and attributes of the standard: which are read, and what is missing without the others."""
-_FREE = frozenset({"userData", "dataQuality"})
-"""Elements whose content the standard leaves open."""
-_NOTHING = ("", "none", "false", "no", "unknown", "undefined", "-1")
-_ZERO = re.compile(r"[-+]?0*\.?0*(?:[eE][-+]?\d+)?")
-"""Values that change nothing."""
-
-
-@cache
-def known_elements() -> dict[str, dict[str, Any]]:
-    """The table: an entry for each element, by its name or by ``parent/name``."""
-    return tomllib.loads(ELEMENTS.read_text(encoding="utf-8"))
-
-
-def note_unread(document: Document) -> None:
-    """Notes what is not read: once in each road or junction, unknown names once in the file."""
-    noted: set[tuple[str, str, int | None]] = set()
-    for number, top in enumerate(document.root.iterchildren("*")):
-        for element, message, known in _unread(top):
-            kind = (element.tag, message, number if known else None)
-            if kind not in noted:
-                noted.add(kind)
-                document.note(element, message)
-
-
-def _unread(element: Element) -> Iterator[tuple[Element, str, bool]]:
-    """What is not read of an element and those in it: where, what is missing, whether the standard has it."""
-    if element.tag in _FREE or "{" in element.tag:
-        return
-    table, parent = known_elements(), element.getparent().tag
-    entry = table.get(f"{parent}/{element.tag}") or table.get(element.tag)
-    if not len(element) and not element.attrib and not (element.text or "").strip():
-        return
-    if entry is not None and "missing" in entry:
-        yield element, f"is not read: {entry['missing']}", True
-    elif entry is None or parent not in entry.get("in", "").split():
-        yield element, f"is no element of <{parent}> in OpenDRIVE 1.4 to 1.8, so it is not read", False
-    else:
-        yield from _unread_attributes(element, entry)
-        for child in element.iterchildren("*"):
-            yield from _unread(child)
-
-
-def _unread_attributes(element: Element, entry: dict[str, Any]) -> Iterator[tuple[Element, str, bool]]:
-    unread = {**known_elements()["any"]["unread"], **entry.get("unread", {})}
-    known = f"{entry.get('read', '')} {entry.get('other', '')}".split()
-    values = entry.get("values", {})
-    for name, value in element.attrib.items():
-        if name in values and value not in ("", *values[name]):
-            yield element, f"{name}='{value[:40]}' is none of the standard's; the usual one is taken", True
-        if name in known or "{" in name:
-            continue
-        if name not in unread:
-            yield element, f"has '{name[:40]}', no attribute of it in OpenDRIVE 1.4 to 1.8, not read", False
-            continue
-        missing, *usual = [unread[name]] if isinstance(unread[name], str) else unread[name]
-        if value not in (*usual, *_NOTHING) and not _ZERO.fullmatch(value):
-            yield element, f"attribute '{name}' is not read: {missing}", True
-
 
 ROAD_LIMIT = 100_000
 """Maps with more roads are refused."""

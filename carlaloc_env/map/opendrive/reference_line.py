@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.map.opendrive.lane_boundaries import last_at_or_before
+from carlaloc_env.map.opendrive.cubic_table import last_at_or_before
 from carlaloc_env.map.opendrive.records import GEOMETRY_KINDS, Geometry, Road
 
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.map.opendrive.crossfall import Crossfall
-from carlaloc_env.map.opendrive.lane_boundaries import CubicTable, Edge, LaneEdges
+from carlaloc_env.map.opendrive.cubic_table import CubicTable
+from carlaloc_env.map.opendrive.lane_boundaries import Edge, LaneEdges
 from carlaloc_env.map.opendrive.records import Road, ShapeRecord
 from carlaloc_env.map.opendrive.reference_line import PlanView
 from carlaloc_env.road.road_profile import Relief

@@ -12,8 +12,8 @@ from xml.parsers import expat
 from lxml import etree
 
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.map.map_text import decoded, read_bytes
 from carlaloc_env.map.opendrive.records import Note, Severity
-from carlaloc_env.map.sources import decoded, read_bytes
 
 VALUE_LIMIT = 1.0e6
 """Coordinates and lengths beyond this are refused [m]."""
@@ -66,18 +66,18 @@ class Document:
             raise MapError(f"{self.name}: line 1: a DTD is not allowed in a map; remove it")
         _without_namespace(root)
         if str(root.tag).lower() != "opendrive":
-            found = f"root element is <{str(root.tag)[:60]}>, not <OpenDRIVE>"
+            mistake = f"root element is <{str(root.tag)[:60]}>, not <OpenDRIVE>"
             if root.find("road/planView") is None:
                 line = root.sourceline or 1
-                raise MapError(f"{self.name}: line {line}: {found}; give an OpenDRIVE (.xodr) file")
-            self._note_whole(f"its {found}")
+                raise MapError(f"{self.name}: line {line}: {mistake}; give an OpenDRIVE (.xodr) file")
+            self._note_whole(f"its {mistake}")
         root.tag = "OpenDRIVE"
         return root
 
     def _mended(self, data: bytes, fault: str) -> Element:
         """Root of a file with a slip as libxml2 mends it, or of the part before an early end."""
         whole = re.search(rb"</(\w+:)?OpenDRIVE\s*>\s*$", data[-4096:]) is not None
-        ends = [found.end() for found in re.finditer(rb"</(\w+:)?(road|junction)\s*>", data)]
+        ends = [tag.end() for tag in re.finditer(rb"</(\w+:)?(road|junction)\s*>", data)]
         root = etree.fromstring(data if whole else data[: ends[-1]], _parser(recover=True)) if ends else None
         if root is None:
             raise MapError(f"{self.name} is not well-formed XML: {fault}; repair or export it again")
@@ -103,21 +103,21 @@ class Document:
 
     def each(self, elements: Iterable[Element], read: Callable[[Element], T]) -> list[T]:
         """Records of all elements that can be read, in their order; a note on each of the others."""
-        found = []
+        records = []
         for element in elements:
             try:
-                found.append(read(element))
+                records.append(read(element))
             except ElementError as error:
                 inner = error.element is not element
                 left_out = describe(element) if inner else "it"
                 message = f"{error.problem}, so {left_out} is left out; {error.advice}"
                 self.note(error.element, message, "error")
-        return found
+        return records
 
     def line(self, element: Element) -> int:
         """Line of an element in the file, from 1."""
-        found = self._lines.get(element) if self._lines else None
-        return found if found is not None else int(element.sourceline or 0)
+        mended_line = self._lines.get(element) if self._lines else None
+        return mended_line if mended_line is not None else int(element.sourceline or 0)
 
     def fail(self, element: Element, problem: str, advice: str) -> NoReturn:
         """Raises the one-line error for an element."""

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.map.lanes.build_lanes import CAR_WIDTH_M
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.lanes.lanes import CAR_WIDTH_M
-from carlaloc_env.map.routing.route import FitTurns, Route, plan_route
+from carlaloc_env.map.routing.plan_route import FitTurns, plan_route
+from carlaloc_env.map.routing.route import Route
 
 ROUTE_LENGTH_M = 1000.0
 """Length sought."""
@@ -103,16 +104,16 @@ def _rounds(
     """Parts of a walk that end where they began, the first lane not repeated, with their scores."""
     at_m = np.cumsum([0.0, *(network.lanes[lane].length_m for lane in lanes)])
     before: dict[int, list[int]] = defaultdict(list)
-    found = []
+    rounds = []
     for end, lane in enumerate(lanes):
         for begin in before[lane]:
             round_m = float(at_m[end] - at_m[begin])
             if abs(round_m - length_m) <= _LOOP_OFF * length_m:
                 once_m = float(worth_m[np.unique(lanes[begin:end])].sum())
-                found.append((once_m - abs(round_m - length_m), lanes[begin:end]))
+                rounds.append((once_m - abs(round_m - length_m), lanes[begin:end]))
         if network.lanes[lane].junction_id is None and network.lanes[lane].length_m > _POINT_ROOM_M:
             before[lane].append(end)
-    return found
+    return rounds
 
 
 def _lanes_to_drive(

@@ -1,4 +1,4 @@
-"""Where buildings stand: rectangles along the outer edges of sidewalks that touch nothing else."""
+"""Lots of buildings: rectangles along the outer edges of sidewalks that touch nothing else."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class Lot:
 
 
 class Farmsteads:
-    """Where the country is built upon: few groups of buildings, far between."""
+    """Groups of buildings in the country: few, and far between."""
 
     def __init__(self) -> None:
         self._first_m: list[Array] = []
@@ -55,20 +55,20 @@ class Farmsteads:
 
     def room(self, xy_m: Array, draw: np.random.Generator) -> bool:
         """Whether a building may stand at a point (2,) [m]; new farmsteads begin at random places."""
-        found = self._near(xy_m)
-        if found is not None:
-            return self._count[found] < FARM_BUILDINGS
+        farmstead = self._near(xy_m)
+        if farmstead is not None:
+            return self._count[farmstead] < FARM_BUILDINGS
         apart = all(float(np.hypot(*(first - xy_m))) > FARM_APART_M for first in self._first_m)
         return apart and draw.random() < 0.3
 
     def add(self, xy_m: Array) -> None:
         """Note a building."""
-        found = self._near(xy_m)
-        if found is None:
+        farmstead = self._near(xy_m)
+        if farmstead is None:
             self._first_m.append(xy_m)
             self._count.append(1)
         else:
-            self._count[found] += 1
+            self._count[farmstead] += 1
 
     def _near(self, xy_m: Array) -> int | None:
         for number, first in enumerate(self._first_m):
@@ -78,7 +78,7 @@ class Farmsteads:
 
 
 class _Footprints:
-    """Areas of buildings, found by their boxes."""
+    """Areas of buildings, looked up by their boxes."""
 
     def __init__(self) -> None:
         self._areas: list[Area] = []
@@ -98,8 +98,8 @@ class _Footprints:
         rows = np.flatnonzero((box[:, 0] <= x1) & (box[:, 2] >= x0) & (box[:, 1] <= y1) & (box[:, 3] >= y0))
         if not len(rows):
             return False
-        found = np.array([self._areas[row] for row in rows])
-        return bool(shapely.intersects(shapely.buffer(area, -0.01), found).any())
+        candidates = np.array([self._areas[row] for row in rows])
+        return bool(shapely.intersects(shapely.buffer(area, -0.01), candidates).any())
 
 
 def frontages(strips: Sequence[Strip]) -> list[tuple[str, Array, float]]:

@@ -10,7 +10,8 @@ from carlaloc_env.assets.primitives import Look, lathe
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scenery.buildings.walls import Shell, Wall
+from carlaloc_env.scenery.buildings.shell import Shell
+from carlaloc_env.scenery.buildings.walls import Wall
 
 
 class Openings(NamedTuple):

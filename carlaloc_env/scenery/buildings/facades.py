@@ -10,7 +10,9 @@ from carlaloc_env.scenery.buildings.facade_ornaments import (
     wall_ornaments,
     window_ornaments,
 )
-from carlaloc_env.scenery.buildings.walls import GARAGE_DOOR, Shell, Wall, street_storey
+from carlaloc_env.scenery.buildings.shell import GARAGE_DOOR, Shell
+from carlaloc_env.scenery.buildings.street_storey import street_storey
+from carlaloc_env.scenery.buildings.walls import Wall
 
 
 def facade(

@@ -1,13 +1,4 @@
-"""Buildings of their own kind: farms, filling stations, monuments.
-
-Farms: barns with gambrel or gable roofs, silos with domes, a yard with a house.
-
-A filling station: canopy, pumps, shop and price sign.
-
-Things that stand on squares: an obelisk and a fountain.
-"""
-
-from itertools import pairwise
+"""Farms: barns with gambrel or gable roofs, silos with domes, a yard with a house."""
 
 import numpy as np
 
@@ -18,10 +9,12 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.buildings import BuildingPlan, building_mesh, draw_appearance
+from carlaloc_env.scenery.buildings.shell import GARAGE_DOOR
 from carlaloc_env.scenery.buildings.styles import STYLES
-from carlaloc_env.scenery.buildings.walls import GARAGE_DOOR, Wall, around
-from carlaloc_env.scenery.meshing.batches import copies, poses
-from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, box_quads, cell_uv
+from carlaloc_env.scenery.buildings.walls import Wall, around
+from carlaloc_env.scenery.meshing.atlas_cells import cell_uv
+from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, box_quads
+from carlaloc_env.scenery.meshing.props import copies, poses
 
 EAVES_M = 4.4
 """Height of a barn's walls [m]."""
@@ -152,112 +145,3 @@ def _barn_openings(out: MeshBuilder, walls: list[Wall], half: float, draw: np.ra
         out.quads(pane, material=Material.WINDOW, tag=Tag.BUILDING, uv_m=pick)
         frame = [wall.box(a - 0.1, a + 1.2, low, high, 0.08) for low, high in ((1.38, 1.5), (2.4, 2.5))]
         out.quads(np.concatenate(frame), material=Material.SIDING, tag=Tag.BUILDING, colour=_TRIM)
-
-
-_RED, _WHITE = (170, 18, 14), (235, 235, 230)
-
-
-def filling_station() -> Mesh:
-    """Canopy, four pumps, a shop and a price sign; its front looks along +x."""
-    out = MeshBuilder()
-    posts = np.array([(x, y) for x in (-1.0, 7.0) for y in (-5.5, 5.5)])
-    columns = box_quads(
-        np.column_stack([posts - 0.2, np.full(4, -0.5)]), np.column_stack([posts + 0.2, np.full(4, 5.0)])
-    )
-    out.quads(columns, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=_WHITE)
-    canopy = box_quads([-3.0, -9.0, 5.0], [9.0, 9.0, 5.9], bottom=True)
-    out.quads(canopy, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=_WHITE)
-    rim = box_quads([-3.04, -9.04, 5.25], [9.04, 9.04, 5.6])
-    out.quads(rim, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=_RED)
-    lights = np.array([(x, y) for x in (0.0, 3.0, 6.0) for y in (-6.0, 0.0, 6.0)])
-    z = np.full(len(lights), 4.985)
-    ring = ((-0.4, -0.4), (-0.4, 0.4), (0.4, 0.4), (0.4, -0.4))
-    lit = np.stack([np.column_stack([lights + corner, z]) for corner in ring], axis=1)
-    out.quads(lit, material=Material.LAMP_WHITE, tag=Tag.BUILDING, colour=(120, 120, 115))
-    _pumps(out)
-    _kiosk(out)
-    _price_sign(out)
-    return out.build()
-
-
-def _pumps(out: MeshBuilder) -> None:
-    for x in (0.0, 6.0):
-        island = box_quads([x - 0.6, -6.5, -0.1], [x + 0.6, 6.5, 0.16])
-        out.quads(island, material=Material.KERB, tag=Tag.STATIC)
-        for y in (-3.0, 3.0):
-            body = box_quads([x - 0.3, y - 0.5, 0.16], [x + 0.3, y + 0.5, 1.9])
-            out.quads(body, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=_WHITE)
-            belt = box_quads([x - 0.32, y - 0.52, 1.45], [x + 0.32, y + 0.52, 1.8])
-            out.quads(belt, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=_RED)
-
-
-def _kiosk(out: MeshBuilder) -> None:
-    """The shop behind the pumps, front along +x."""
-    low, high = np.array([-12.5, -7.0, -0.5]), np.array([-6.0, 7.0, 3.8])
-    out.quads(box_quads(low, high), material=Material.PLASTER, tag=Tag.BUILDING, colour=(240, 238, 230))
-    y = np.array([-6.3, -3.1, 1.1, 4.3])
-    one, ring = np.ones(4), ((0, 0.4), (2.4, 0.4), (2.4, 2.8), (0, 2.8))
-    glass = np.stack([np.column_stack([-5.97 * one, y + dy, z * one]) for dy, z in ring], axis=1)
-    cells = cell_uv(Material.SHOP_FRONT, np.arange(4))
-    out.quads(glass, material=Material.SHOP_FRONT, tag=Tag.BUILDING, uv_m=cells)
-    door = np.array([[(-5.97, -0.5, 0.0), (-5.97, 0.8, 0.0), (-5.97, 0.8, 2.3), (-5.97, -0.5, 2.3)]])
-    uv = cell_uv(Material.DOOR, np.array([1]))
-    out.quads(door, material=Material.DOOR, tag=Tag.BUILDING, uv_m=uv)
-    band = box_quads([-12.6, -7.1, 3.1], [-5.85, 7.1, 3.75])
-    out.quads(band, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=_RED)
-
-
-def _price_sign(out: MeshBuilder) -> None:
-    legs = box_quads([(11.4, 9.5, -0.3), (11.4, 11.3, -0.3)], [(11.6, 9.7, 3.2), (11.6, 11.5, 3.2)])
-    out.quads(legs, material=Material.METAL_GALVANISED, tag=Tag.STATIC)
-    board = box_quads([11.35, 9.4, 3.2], [11.65, 11.6, 7.0], bottom=True)
-    out.quads(board, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=_RED)
-    for x, sign in ((11.66, 1.0), (11.34, -1.0)):
-        y0, y1 = (9.5, 11.5) if sign > 0 else (11.5, 9.5)
-        z0, z1 = np.array([3.4, 4.6, 5.8]), np.array([4.4, 5.6, 6.8])
-        ring = ((y0, z0), (y1, z0), (y1, z1), (y0, z1))
-        plates = np.stack([np.column_stack([np.full(3, x), np.full(3, y), z]) for y, z in ring], axis=1)
-        uv = cell_uv(Material.POSTER, np.array([2, 8, 15]), aspect=2.0)
-        out.quads(plates, material=Material.POSTER, tag=Tag.STATIC, uv_m=uv)
-
-
-_STONE = (235, 228, 210)
-
-
-def monument() -> Mesh:
-    """An obelisk on steps, 13 m high."""
-    out = MeshBuilder()
-    steps = [(4.0, 0.35), (3.2, 0.7), (2.4, 1.05)]
-    low = [(-half, -half, height - 0.35 if height > 0.4 else -0.5) for half, height in steps]
-    high = [(half, half, height) for half, height in steps]
-    out.quads(box_quads(low, high), material=Material.ASHLAR, tag=Tag.OTHER, colour=_STONE)
-    plinth = box_quads(
-        [(-1.3, -1.3, 1.05), (-1.5, -1.5, 3.1)], [(1.3, 1.3, 3.1), (1.5, 1.5, 3.45)], bottom=True
-    )
-    out.quads(plinth, material=Material.ASHLAR, tag=Tag.OTHER, colour=(215, 208, 190))
-    ring = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=np.float64)
-    levels = [(0.95, 3.45), (0.62, 11.8), (0.02, 13.0)]
-    for (a, z0), (b, z1) in pairwise(levels):
-        base = np.column_stack([ring * a, np.full(4, z0)])
-        head = np.column_stack([ring * b, np.full(4, z1)])
-        faces = np.stack([base, np.roll(base, -1, 0), np.roll(head, -1, 0), head], axis=1)
-        out.quads(faces, material=Material.ASHLAR, tag=Tag.OTHER, colour=_STONE)
-    for wall in around(2.6, 2.6):
-        plate = wall.front(0.5, 2.1, 1.5, 2.6, 0.02) - np.array([1.3, 1.3, 0.0])
-        out.quads(plate, material=Material.METAL_PAINTED, tag=Tag.OTHER, colour=(70, 55, 25))
-    return out.build()
-
-
-def fountain() -> Mesh:
-    """Two bowls over a round basin, 4.2 m high."""
-    stone = Look(Material.CONCRETE, Tag.STATIC, (250, 244, 228))
-    water = Look(Material.WATER, Tag.WATER)
-    basin = [(4.2, -0.4), (4.2, 0.55), (4.05, 0.62), (3.85, 0.62), (3.75, 0.5), (3.75, 0.15), (0.1, 0.15)]
-    stem = [(0.9, 0.1), (0.5, 0.5), (0.32, 1.4), (0.4, 1.8)]
-    lower = [(1.75, 2.15), (1.8, 2.3), (1.65, 2.25), (0.25, 2.0)]
-    upper = [(0.3, 2.0), (0.18, 2.6), (0.22, 3.2), (0.95, 3.45), (1.0, 3.55), (0.9, 3.5), (0.12, 3.35)]
-    tip = [(0.14, 3.3), (0.1, 3.8), (0.2, 3.95), (0.16, 4.1), (0.02, 4.2)]
-    pools = [
-        lathe(water, [(r, z - 0.02), (r - 0.02, z), (0.05, z)], 28) for r, z in ((3.8, 0.42), (1.6, 2.2))
-    ]
-    return merge([*(lathe(stone, line, 28) for line in (basin, stem + lower, upper, tip)), *pools])

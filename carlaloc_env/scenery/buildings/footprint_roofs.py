@@ -13,9 +13,9 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.roofs import add_roof
-from carlaloc_env.scenery.buildings.walls import Shell
-from carlaloc_env.scenery.meshing.batches import poses
+from carlaloc_env.scenery.buildings.shell import Shell
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.scenery.meshing.props import poses
 
 PARAPET_M, PARAPET_DEPTH_M = 0.6, 0.25
 """Height and depth of the wall round a flat roof [m]."""
@@ -215,8 +215,8 @@ def _triangles(area: Area) -> Array:
     parts = polygons_of(area)
     if not parts:
         return np.zeros((0, 3, 2))
-    found = shapely.get_parts(shapely.constrained_delaunay_triangles(np.array(parts, dtype=object)))
-    corners = shapely.get_coordinates(found).reshape(-1, 4, 2)[:, :3]
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(np.array(parts, dtype=object)))
+    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
     a, b, c = (corners[:, k] for k in range(3))
     area2 = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     turned = np.where((area2 < 0)[:, None, None], corners[:, ::-1], corners)

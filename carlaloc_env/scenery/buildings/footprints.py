@@ -27,12 +27,14 @@ from carlaloc_env.scenery.buildings.footprint_roofs import (
     towards,
     upright,
 )
-from carlaloc_env.scenery.buildings.styles import SLATES, STYLES, TILES, ZONE_STYLES, Style
-from carlaloc_env.scenery.buildings.walls import Appearance, Shell, Wall
+from carlaloc_env.scenery.buildings.palettes import SLATES, TILES
+from carlaloc_env.scenery.buildings.shell import Appearance, Shell
+from carlaloc_env.scenery.buildings.styles import STYLES, ZONE_STYLES, Style
+from carlaloc_env.scenery.buildings.walls import Wall
 from carlaloc_env.scenery.ground.terrain import Terrain, Zones
 from carlaloc_env.scenery.mapped import MappedFeature
-from carlaloc_env.scenery.meshing.batches import InstanceIds
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.scenery.meshing.props import InstanceIds
 
 STREET_M = 16.0
 """Walls that look onto something paved so near are fronts [m]."""
@@ -157,12 +159,12 @@ class Houses:
 
     def meshes(self, ids: InstanceIds) -> list[Mesh]:
         """Meshes of all houses, with an instance id each."""
-        found = []
+        meshes = []
         for number, house in enumerate(self.all):
             moved = np.eye(4)
             moved[2, 3] = house.base_m
-            found.append(self._mesh(number, house).with_instance(ids.take()).transformed(moved))
-        return found
+            meshes.append(self._mesh(number, house).with_instance(ids.take()).transformed(moved))
+        return meshes
 
     def _place(
         self, feature: MappedFeature, outline: Area, zones: Zones, roadway: Area, ground: Terrain
@@ -330,13 +332,13 @@ def _style(feature: MappedFeature, outline: Area, zones: Zones, draw: np.random.
 
 def _look(feature: MappedFeature, style: Style, draw: np.random.Generator) -> Appearance:
     look = draw_appearance(style, draw)
-    known = feature.properties
-    material = MATERIALS.get(str(known.get("material", "")))
+    properties = feature.properties
+    material = MATERIALS.get(str(properties.get("material", "")))
     if material is not None:
         tint: Colour = (235, 228, 218) if material != look.material else look.tint
         look = replace(look, material=material, tint=tint)
-    if "colour" in known:
-        look = replace(look, tint=_linear(str(known["colour"])))
+    if "colour" in properties:
+        look = replace(look, tint=_linear(str(properties["colour"])))
         if material is None and look.material in (Material.BRICK_RED, Material.BRICK_BROWN):
             look = replace(look, material=Material.PLASTER)
     covers = {"slate": SLATES[0], "roof_tiles": TILES[0], "tile": TILES[0], "tiles": TILES[0]}
@@ -344,9 +346,9 @@ def _look(feature: MappedFeature, style: Style, draw: np.random.Generator) -> Ap
         "metal": (Material.SHEET_METAL, (205, 205, 208)),
         "copper": (Material.SHEET_METAL, (120, 190, 165)),
     }
-    roof = covers.get(str(known.get("roof_material", "")), look.roof)
-    if "roof_colour" in known:
-        roof = (roof[0], _linear(str(known["roof_colour"])))
+    roof = covers.get(str(properties.get("roof_material", "")), look.roof)
+    if "roof_colour" in properties:
+        roof = (roof[0], _linear(str(properties["roof_colour"])))
     return replace(look, roof=roof)
 
 

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scenery.buildings.walls import Shell, Wall
+from carlaloc_env.scenery.buildings.shell import Shell
+from carlaloc_env.scenery.buildings.walls import Wall
 from carlaloc_env.scenery.meshing.mesh_builder import box_quads
 
 Part = tuple[float, float, float, float]

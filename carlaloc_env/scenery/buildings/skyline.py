@@ -13,8 +13,8 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.styles import STYLES
 from carlaloc_env.scenery.buildings.walls import around
 from carlaloc_env.scenery.ground.terrain import Terrain, Zones
-from carlaloc_env.scenery.meshing.batches import InstanceIds, copies, poses
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, box_quads
+from carlaloc_env.scenery.meshing.props import InstanceIds, copies, poses
 
 NEAREST_M, FARTHEST_M = 12.0, 340.0
 """Distances from the near ground's border between which the surroundings lie [m]."""
@@ -59,14 +59,16 @@ def add_skyline(
             out.add(_block(place, float(base), heights, draw).with_instance(ids.take()))
             continue
         for _ in range(int(draw.integers(0, 3))):
-            foot = np.array([*(place + draw.uniform(-18.0, 18.0, 2)), base])
-            trees[_TREES[int(draw.integers(len(_TREES)))]].append(foot)
+            base_m = np.array([*(place + draw.uniform(-18.0, 18.0, 2)), base])
+            trees[_TREES[int(draw.integers(len(_TREES)))]].append(base_m)
     meshes = [out.build()]
     for kind in _TREES:
         if trees[kind]:
-            feet = np.array(trees[kind])
-            T = poses(feet, draw.uniform(0.0, 2 * np.pi, len(feet)), draw.uniform(0.8, 1.2, len(feet)))
-            meshes.append(copies(tree(kind, 1, "low"), T, ids.take(len(feet))))
+            bases_m = np.array(trees[kind])
+            T = poses(
+                bases_m, draw.uniform(0.0, 2 * np.pi, len(bases_m)), draw.uniform(0.8, 1.2, len(bases_m))
+            )
+            meshes.append(copies(tree(kind, 1, "low"), T, ids.take(len(bases_m))))
     return meshes
 
 

@@ -1,79 +1,52 @@
-"""Building styles: measures, materials and tints, after common building practice.
-
-Materials and tints from which buildings choose.
-"""
+"""Building styles: measures, materials and tints, after common building practice."""
 
 from dataclasses import dataclass
 
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour
+from carlaloc_env.scenery.buildings.palettes import (
+    ACCENTS,
+    BOARDS,
+    BRICKS,
+    DARK,
+    LIGHT,
+    PANELS,
+    PLASTERS,
+    SHEETS,
+    SIDINGS,
+    SLATES,
+    STONES,
+    TILES,
+    TOWERS,
+)
 
-BRICKS = tuple(
-    (material, tint)
-    for material in (Material.BRICK_RED, Material.BRICK_BROWN)
-    for tint in ((255, 255, 255), (255, 225, 200), (205, 190, 185), (255, 240, 190), (170, 160, 165))
-)
-"""Brickwork with its tints."""
-PLASTERS = tuple(
-    (Material.PLASTER, tint)
-    for tint in (
-        (250, 246, 235), (245, 214, 150), (238, 190, 140), (205, 215, 190), (190, 205, 225), (240, 205, 190),
-        (225, 225, 215), (235, 170, 120), (250, 232, 180), (180, 185, 180), (215, 150, 125), (250, 240, 210),
-    )
-)  # fmt: skip
-"""Render with its tints."""
-STONES = tuple(
-    (Material.ASHLAR, tint)
-    for tint in ((255, 252, 240), (240, 225, 195), (215, 210, 205), (250, 235, 205), (200, 185, 165))
-)
-"""Ashlar with its tints."""
-PANELS = tuple(
-    (Material.CONCRETE_PANEL, tint)
-    for tint in ((255, 255, 250), (225, 220, 210), (245, 230, 205), (200, 205, 210), (180, 170, 160))
-)
-"""Concrete panels with their tints."""
-TOWERS = tuple(
-    (Material.CURTAIN_WALL, tint)
-    for tint in ((200, 225, 255), (180, 200, 190), (255, 240, 215), (150, 170, 190), (225, 225, 225))
-)
-"""Curtain walls with their tints."""
-SHEETS = tuple(
-    (Material.METAL_PAINTED, tint)
-    for tint in ((215, 215, 210), (150, 175, 200), (190, 180, 150), (150, 165, 140), (200, 140, 110))
-)
-"""Painted sheet metal with its tints."""
-BOARDS = ((Material.WOOD, (200, 90, 70)), (Material.WOOD, (170, 150, 130)), (Material.SIDING, (150, 36, 28)))
-"""Timber walls with their tints."""
-LIGHT = ((250, 248, 240), (225, 220, 210), (200, 195, 185))
-"""Tints of light trims."""
-DARK = ((70, 70, 72), (110, 100, 90), (60, 75, 70), (90, 50, 40))
-"""Tints of dark trims."""
-
-SIDINGS = tuple(
-    (Material.SIDING, tint)
-    for tint in (
-        (255, 255, 250), (180, 205, 225), (250, 225, 160), (190, 210, 175), (225, 150, 130), (160, 165, 170),
-        (235, 215, 190), (140, 60, 50), (110, 130, 150),
-    )
-)  # fmt: skip
-"""Weatherboards with their tints."""
-TILES = tuple(
-    (Material.ROOF_TILE, tint)
-    for tint in ((255, 235, 220), (170, 160, 155), (225, 150, 120), (255, 200, 160), (130, 115, 110))
-)
-"""Roof tiles with their tints."""
-SLATES = tuple((Material.ROOF_SLATE, tint) for tint in ((255, 255, 255), (210, 215, 225), (225, 205, 195)))
-"""Slates with their tints."""
-ACCENTS = (
-    (40, 70, 60),
-    (90, 30, 26),
-    (36, 52, 84),
-    (60, 64, 66),
-    (210, 206, 196),
-    (70, 48, 30),
-    (24, 26, 28),
-)
-"""Shutters, rails and timber."""
+ZONE_STYLES: dict[str, tuple[tuple[str, float], ...]] = {
+    "downtown": (
+        ("brick_row", 2.5), ("european", 2.5), ("civic", 1.0), ("office", 1.6), ("ribbon", 1.6),
+        ("deco", 1.8), ("stepped", 1.0), ("shop_row", 0.5), ("pavilion", 0.6), ("flats", 0.5),
+    ),
+    "skyscraper": (
+        ("tower", 4.0), ("stepped", 2.2), ("office", 1.5), ("ribbon", 1.2), ("deco", 1.2), ("civic", 0.6),
+    ),
+    "residential": (
+        ("house", 2.0), ("bungalow", 1.6), ("villa", 1.6), ("clapboard", 1.6), ("terrace", 1.2),
+        ("flats", 0.6), ("brick_walkup", 0.5),
+    ),
+    "small_town": (
+        ("townhouse", 2.2), ("timbered", 1.6), ("shop_row", 1.6), ("terrace", 1.2), ("house", 1.0),
+        ("clapboard", 0.8), ("brick_walkup", 0.6), ("brick_row", 0.5),
+    ),
+    "industrial": (("warehouse", 2.5), ("factory", 2.0), ("depot", 2.5), ("ribbon", 0.4), ("shop_row", 0.3)),
+    "rural": (("barn", 0.8), ("farmhouse", 1.2), ("house", 0.5)),
+    "highway": (),
+    "waterfront": (
+        ("european", 2.5), ("flats", 1.5), ("deco", 1.0), ("pavilion", 1.0), ("brick_row", 0.8),
+        ("civic", 0.6),
+    ),
+    "park": (),
+    "water": (),
+}  # fmt: skip
+"""Styles of a zone with their weights."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,31 +260,3 @@ STYLES: dict[str, Style] = {
     )
 }  # fmt: skip
 """All styles by name."""
-
-ZONE_STYLES: dict[str, tuple[tuple[str, float], ...]] = {
-    "downtown": (
-        ("brick_row", 2.5), ("european", 2.5), ("civic", 1.0), ("office", 1.6), ("ribbon", 1.6),
-        ("deco", 1.8), ("stepped", 1.0), ("shop_row", 0.5), ("pavilion", 0.6), ("flats", 0.5),
-    ),
-    "skyscraper": (
-        ("tower", 4.0), ("stepped", 2.2), ("office", 1.5), ("ribbon", 1.2), ("deco", 1.2), ("civic", 0.6),
-    ),
-    "residential": (
-        ("house", 2.0), ("bungalow", 1.6), ("villa", 1.6), ("clapboard", 1.6), ("terrace", 1.2),
-        ("flats", 0.6), ("brick_walkup", 0.5),
-    ),
-    "small_town": (
-        ("townhouse", 2.2), ("timbered", 1.6), ("shop_row", 1.6), ("terrace", 1.2), ("house", 1.0),
-        ("clapboard", 0.8), ("brick_walkup", 0.6), ("brick_row", 0.5),
-    ),
-    "industrial": (("warehouse", 2.5), ("factory", 2.0), ("depot", 2.5), ("ribbon", 0.4), ("shop_row", 0.3)),
-    "rural": (("barn", 0.8), ("farmhouse", 1.2), ("house", 0.5)),
-    "highway": (),
-    "waterfront": (
-        ("european", 2.5), ("flats", 1.5), ("deco", 1.0), ("pavilion", 1.0), ("brick_row", 0.8),
-        ("civic", 0.6),
-    ),
-    "park": (),
-    "water": (),
-}  # fmt: skip
-"""Styles of a zone with their weights."""

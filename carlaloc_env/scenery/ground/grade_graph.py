@@ -99,7 +99,7 @@ class RoadGraph:
         low, high = self._heights()
         # Roads of one height cannot pass over each other; this leaves few pairs for the polygon work.
         apart = np.maximum(high[pairs[:, 0]] - low[pairs[:, 1]], high[pairs[:, 1]] - low[pairs[:, 0]])
-        found = []
+        crossings = []
         for a, b in pairs[apart >= APART_M]:
             same = strips[a].junction_id is not None and strips[a].junction_id == strips[b].junction_id
             if (strips[a].road == strips[b].road and a == b) or same:
@@ -107,8 +107,8 @@ class RoadGraph:
             for part in polygons_of(shapely.intersection(prints[a], prints[b])):
                 crossing = self._crossing(int(a), int(b), part)
                 if crossing is not None:
-                    found.append(crossing)
-        return found
+                    crossings.append(crossing)
+        return crossings
 
     def _crossing(self, a: int, b: int, common: Area) -> Crossing | None:
         if common.area < 2.0:

@@ -1,4 +1,4 @@
-"""Which roads leave the ground, found from where they cross far above each other and from the waters."""
+"""Finds the roads that leave the ground: where they cross far above each other, and over waters."""
 
 from collections.abc import Sequence
 
@@ -9,8 +9,9 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.core.areas import Area, areas_only
 from carlaloc_env.core.array_types import Array, Mask
+from carlaloc_env.scenery.ground.cuttings import cuttings
 from carlaloc_env.scenery.ground.grade_graph import Crossing, RoadGraph, grown, runs
-from carlaloc_env.scenery.ground.grade_levels import Levels, State, States, cuttings, strips_area
+from carlaloc_env.scenery.ground.grade_levels import Levels, State, States, strips_area
 from carlaloc_env.scenery.ground.height_fields import NO_LAND, GroundGrid, land_beside
 from carlaloc_env.scenery.ground.lane_strips import Strip
 from carlaloc_env.scenery.ground.terrain import BANK_SLOPE, Zones
@@ -54,8 +55,8 @@ def find_levels(
     basins = water_areas(zones)
     over = _over_water(graph, basins)
     on_ground = ~(raised | sunken | grown_in_strips(graph, over >= 0, 2))
-    known = _points(graph, on_ground)
-    grid = GroundGrid(np.concatenate([known, land_beside(land_m, known)]), low_m, high_m)
+    samples_m = _points(graph, on_ground)
+    grid = GroundGrid(np.concatenate([samples_m, land_beside(land_m, samples_m)]), low_m, high_m)
     waters = _waters(graph, basins, over, grid)
     ground_m = grid.height(graph.middle_m)
     for number, water in enumerate(waters):
@@ -117,15 +118,15 @@ def _followed(graph: RoadGraph, region: Mask, height: Array) -> Mask:
     wide = region.copy()
     front = [(int(row), 0.0) for row in np.flatnonzero(region)]
     while front:
-        row, way_m = front.pop()
+        row, distance_m = front.pop()
         for other in graph.neighbours(row):
             if wide[other] or graph.junction[other]:
                 continue
             gap = float(np.hypot(*(graph.middle_m[other] - graph.middle_m[row])[:2]))
             falls = height[row] - height[other] > LEVEL_GRADE * gap
-            if (falls or gap < 0.01) and way_m + gap < FOLLOW_M:
+            if (falls or gap < 0.01) and distance_m + gap < FOLLOW_M:
                 wide[other] = True
-                front.append((int(other), way_m + gap))
+                front.append((int(other), distance_m + gap))
     return wide
 
 
@@ -143,12 +144,12 @@ def _over_water(graph: RoadGraph, basins: Sequence[Area]) -> NDArray[np.int64]:
 def _waters(
     graph: RoadGraph, basins: Sequence[Area], over: NDArray[np.int64], grid: GroundGrid
 ) -> tuple[Water, ...]:
-    found = []
+    waters = []
     for number, basin in enumerate(basins):
         rim = shapely.get_coordinates(shapely.segmentize(shapely.boundary(basin), 5.0))
         bridges = graph.middle_m[over == number, 2]
-        found.append(Water(area=basin, level_m=water_level_m(basin, grid.height(rim), bridges)))
-    return tuple(found)
+        waters.append(Water(area=basin, level_m=water_level_m(basin, grid.height(rim), bridges)))
+    return tuple(waters)
 
 
 def _shrunk(waters: Sequence[Water], graph: RoadGraph, state: States) -> tuple[Water, ...]:

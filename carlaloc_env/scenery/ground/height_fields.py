@@ -37,8 +37,8 @@ class EdgeField:
         """Height of the nearest line [m] and distance to it [m], shapes (M,)."""
         if self._tree is None:
             return np.zeros(len(xy_m)), np.full(len(xy_m), np.inf)
-        found = self._tree.query(xy_m[:, :2], k=2)
-        distance, index = np.asarray(found[0]), np.asarray(found[1])
+        neighbours = self._tree.query(xy_m[:, :2], k=2)
+        distance, index = np.asarray(neighbours[0]), np.asarray(neighbours[1])
         index = np.minimum(index, len(self.points_m) - 1)
         weight = 1.0 / (distance + 1e-6)
         weight[~np.isfinite(weight)] = 0.0
@@ -106,13 +106,13 @@ class GroundGrid:
         """Known points (K, 3) in the box from `low_m` to `high_m` [m], each (2,)."""
         self._low = np.floor(low_m / self.CELL_M) * self.CELL_M
         self._shape = tuple(int(n) for n in np.ceil((high_m - self._low) / self.CELL_M).astype(int) + 2)
-        known = np.zeros(self._shape)
+        total_m = np.zeros(self._shape)
         count = np.zeros(self._shape)
         cell = np.round((points_m[:, :2] - self._low) / self.CELL_M).astype(int)
         inside = np.all((cell >= 0) & (cell < np.array(self._shape)), axis=1)
-        np.add.at(known, tuple(cell[inside].T), points_m[inside, 2])
+        np.add.at(total_m, tuple(cell[inside].T), points_m[inside, 2])
         np.add.at(count, tuple(cell[inside].T), 1.0)
-        self._z = _membrane(np.where(count > 0, known / np.maximum(count, 1), 0.0), count > 0)
+        self._z = _membrane(np.where(count > 0, total_m / np.maximum(count, 1), 0.0), count > 0)
 
     def height(self, xy_m: Array) -> Array:
         """Height [m] at points (M, 2), bilinear; the border's height outside the grid."""
@@ -134,11 +134,11 @@ def land_beside(land_m: Array, roads_m: Array) -> Array:
     return land_m[cKDTree(roads_m[:, :2]).query(land_m[:, :2])[0] > LAND_GAP_M]
 
 
-def _membrane(known: Array, fixed: NDArray[np.bool_]) -> Array:
+def _membrane(height_m: Array, fixed: NDArray[np.bool_]) -> Array:
     if not fixed.any():
-        return known
-    rows, columns = known.shape
-    index = np.arange(known.size).reshape(known.shape)
+        return height_m
+    rows, columns = height_m.shape
+    index = np.arange(height_m.size).reshape(height_m.shape)
     links = np.concatenate(
         [
             np.stack([index[:-1].ravel(), index[1:].ravel()]),
@@ -150,16 +150,16 @@ def _membrane(known: Array, fixed: NDArray[np.bool_]) -> Array:
     free = ~fixed.ravel()
     use = free[a]
     a, b = a[use], b[use]
-    degree = np.bincount(a, minlength=known.size).astype(np.float64)
+    degree = np.bincount(a, minlength=height_m.size).astype(np.float64)
     diagonal = np.where(free, degree, 1.0)
     matrix = coo_matrix(
         (
             np.concatenate([diagonal, -np.ones(len(a))]),
             (np.concatenate([index.ravel(), a]), np.concatenate([index.ravel(), b])),
         ),
-        shape=(known.size, known.size),
+        shape=(height_m.size, height_m.size),
     ).tocsc()
-    right = np.where(free, 0.0, known.ravel())
+    right = np.where(free, 0.0, height_m.ravel())
     # Rounded to a micrometre, since the last bits of a solver depend on the processor.
     result: Array = np.round(spsolve(matrix, right) / _GRAIN_M) * _GRAIN_M
     return result.reshape(rows, columns)

@@ -129,7 +129,7 @@ def _partings(strips: Sequence[Strip]) -> frozenset[str]:
     for strip in strips:
         if strip.junction_id is not None:
             groups.setdefault(strip.junction_id, []).append(strip)
-    found = []
+    partings = []
     for name, group in groups.items():
         if len(group) < 2 or any(abs(_turn_rad(strip)) > PARTING_RAD for strip in group):
             continue
@@ -140,8 +140,8 @@ def _partings(strips: Sequence[Strip]) -> frozenset[str]:
                 areas.append(strip_polygon(strip.edges_m[span[0]], strip.edges_m[span[1]]))
         total = sum(area.area for area in areas)
         if total - union(areas).area < min(OVERLAP_M2, 0.01 * total):
-            found.append(name)
-    return frozenset(found)
+            partings.append(name)
+    return frozenset(partings)
 
 
 def _turn_rad(strip: Strip) -> float:

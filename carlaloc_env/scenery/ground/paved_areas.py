@@ -70,14 +70,14 @@ class TownAreas:
 
 def lane_area(strip: Strip, kinds: Sequence[str]) -> list[Area]:
     """Areas of the strip's lanes of some kinds."""
-    found = []
+    areas = []
     for lane in range(len(strip.lanes)):
         if strip.kind(lane) in kinds:
             left, right = strip.lane_edges(lane)
             area = strip_polygon(left, right)
             if area.area > 1e-4:
-                found.append(area)
-    return found
+                areas.append(area)
+    return areas
 
 
 def town_areas(
@@ -186,7 +186,7 @@ def _asphalt(group: Sequence[Strip], beside: Area) -> Area:
 
 def _islands(roadway: Area, raised: Area) -> Area:
     """Holes in everything paved that are bounded by carriageways alone."""
-    found = []
+    islands = []
     walks = shapely.buffer(raised, 0.05)
     shapely.prepare(walks)
     for part in polygons_of(shapely.union(roadway, raised)):
@@ -194,8 +194,8 @@ def _islands(roadway: Area, raised: Area) -> Area:
             hole = shapely.Polygon(ring)
             rim = shapely.length(shapely.intersection(ring, walks))
             if 2.0 < hole.area < LARGEST_ISLAND_M2 and rim < 0.1 * ring.length:
-                found.append(hole)
-    return shapely.MultiPolygon(found)
+                islands.append(hole)
+    return shapely.MultiPolygon(islands)
 
 
 def _corner_widths(plain: Sequence[Strip], roads: Sequence[Road]) -> dict[str, tuple[float, float]]:

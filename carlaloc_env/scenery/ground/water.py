@@ -7,12 +7,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from carlaloc_env.core.areas import (
-    Area,
-    areas_only,
-    polygons_of,
-    rings,
-)
+from carlaloc_env.core.areas import Area, areas_only, polygons_of, rings
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import right_of
 from carlaloc_env.scene.materials import Material
@@ -83,7 +78,7 @@ def shores(waters: Sequence[Water], zones: Zones, paved: Area) -> list[Shore]:
     near = shapely.buffer(paved, QUAY_NEAR_M)
     near = shapely.union(near, shapely.buffer(zones.area(*_QUAY_ZONES), 2.0))
     shapely.prepare(near)
-    found = []
+    lines = []
     for water in waters:
         for ring in rings(water.area, _STEP_M):
             middle = 0.5 * (ring[1:] + ring[:-1])
@@ -91,15 +86,15 @@ def shores(waters: Sequence[Water], zones: Zones, paved: Area) -> list[Shore]:
             inside = (np.abs(middle - [x0, y0]) > _BORDER_M) & (np.abs(middle - [x1, y1]) > _BORDER_M)
             for kind in (True, False):
                 for a, b in runs((quay == kind) & inside.all(axis=1)):
-                    found.append(Shore(line_m=ring[a : b + 1], quay=kind, water=water))
-    return found
+                    lines.append(Shore(line_m=ring[a : b + 1], quay=kind, water=water))
+    return lines
 
 
-def bank_tops(found: Sequence[Shore]) -> list[Array]:
+def bank_tops(shores: Sequence[Shore]) -> list[Array]:
     """Upper edges (N, 3) of sloping banks, which the ground meets."""
     return [
         np.column_stack([shore.line_m, np.full(len(shore.line_m), shore.water.level_m + BANK_RISE_M)])
-        for shore in found
+        for shore in shores
         if not shore.quay
     ]
 
@@ -107,17 +102,17 @@ def bank_tops(found: Sequence[Shore]) -> list[Array]:
 def add_water(
     out: MeshBuilder,
     waters: Sequence[Water],
-    found: Sequence[Shore],
+    shores: Sequence[Shore],
     ground: Terrain,
     bridged: Area,
     lined: Area,
 ) -> None:
-    """Surfaces, banks and quays.
+    """Adds the surfaces, banks and quays of all waters.
 
     Args:
         out: Where they go.
         waters: All waters.
-        found: Their shores.
+        shores: Their shores.
         ground: Heights of the land.
         bridged: Where roads pass over the water.
         lined: Where something else keeps walkers from the water.
@@ -129,7 +124,7 @@ def add_water(
         if len(xy):
             points = np.column_stack([xy, np.full(len(xy), water.level_m)])
             out.triangles(points, triangles, material=Material.WATER, tag=Tag.WATER)
-    for shore in found:
+    for shore in shores:
         if shore.quay:
             # Below a bridge its abutment takes the quay's place.
             free = ~shapely.contains_xy(bridged, shore.line_m[:, 0], shore.line_m[:, 1])
@@ -137,7 +132,7 @@ def add_water(
                 if b - a > 1:
                     _quay(out, shore.line_m[a:b], shore.water.level_m, ground, lined)
     for water in waters:
-        _banks(out, water, [shore for shore in found if shore.water is water and not shore.quay], ground)
+        _banks(out, water, [shore for shore in shores if shore.water is water and not shore.quay], ground)
 
 
 def _quay(out: MeshBuilder, line: Array, level_m: float, ground: Terrain, lined: Area) -> None:

@@ -21,8 +21,8 @@ from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.lanes.topology import DRIVABLE_TYPES
 from carlaloc_env.map.routing.smoothing import RouteLine
 from carlaloc_env.scenery.ground.grade_graph import runs
-from carlaloc_env.scenery.ground.ground_plan import lower_walks
 from carlaloc_env.scenery.ground.lane_strips import Strip, road_strips
+from carlaloc_env.scenery.ground.lowered_walks import lower_walks
 from carlaloc_env.scenery.ground.paved_areas import town_areas
 
 EASY_M = 4.75
@@ -38,6 +38,7 @@ _HIGH_M = 0.05
 """Edges that stand higher above the road are kerbs [m]."""
 _TOO_TIGHT, _TOO_SUDDEN, _SUDDEN = 20.0, 1.0, 0.15
 """Cost of a curvature above the greatest [m per 1/m], and of one that changes faster than 0.15 /m a metre."""
+_TYRE_M = np.array([-EGO_TYRE_ENVELOPE_M, 0.0, EGO_TYRE_ENVELOPE_M])
 _ROOM = frozenset({"shoulder", "stop", "border", "parking", "biking", "bus", "restricted"})
 
 
@@ -45,7 +46,6 @@ def _both_sides(x: Array, y_m: float) -> Array:
     return np.stack(np.broadcast_arrays(x[None], np.array([[y_m], [-y_m]])), axis=-1).reshape(-1, 2)
 
 
-_TYRE_M = np.array([-EGO_TYRE_ENVELOPE_M, 0.0, EGO_TYRE_ENVELOPE_M])
 WHEELS_M = _both_sides(np.concatenate([_TYRE_M, EGO_WHEELBASE_M + _TYRE_M]), EGO_TYRE_OUTER_M)
 """Where tyres touch, from the rear axle's middle [m], (W, 2)."""
 BODY_M = _both_sides(EGO_REAR_M + np.linspace(0.0, EGO_SIZE_M[0], 6), 0.5 * EGO_SIZE_M[1])
@@ -156,14 +156,14 @@ def raised_near(network: LaneNetwork, piece: RouteLine) -> tuple[Area, Area]:
 
 def _high_walks(strip: Strip) -> list[Area]:
     """Sidewalks and medians of a strip where they are not lowered."""
-    found = []
+    walks = []
     for lane in range(len(strip.lanes)):
         if strip.kind(lane) not in ("sidewalk", "median"):
             continue
         left, right = strip.lane_edges(lane)
         up = strip.raised_m[lane].max(axis=0) > _HIGH_M
-        found += [strip_polygon(left[a:b], right[a:b]) for a, b in runs(up) if b - a > 1]
-    return found
+        walks += [strip_polygon(left[a:b], right[a:b]) for a, b in runs(up) if b - a > 1]
+    return walks
 
 
 def _lanes_about(network: LaneNetwork, piece: RouteLine, margin_m: float) -> list[int]:
@@ -182,7 +182,7 @@ def _lanes_near(network: LaneNetwork, piece: RouteLine) -> list[Area]:
     tables = network.tables
     mine = {int(n) for n in np.unique(piece.lane)}
     roads = {network.lanes[n].road_id for n in mine}
-    found = []
+    areas = []
     for number in _lanes_about(network, piece, _MARGIN_M):
         lane = network.lanes[number]
         crossing = lane.junction_id is not None and lane.type in DRIVABLE_TYPES
@@ -193,5 +193,5 @@ def _lanes_near(network: LaneNetwork, piece: RouteLine) -> list[Area]:
         heading = tables.heading_rad[at]
         left = np.stack([-elementary.sin(heading), elementary.cos(heading)], axis=-1)
         middle = tables.position_m[at, :2]
-        found.append(strip_polygon(middle + half * left, middle - half * left))
-    return found
+        areas.append(strip_polygon(middle + half * left, middle - half * left))
+    return areas

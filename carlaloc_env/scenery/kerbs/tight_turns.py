@@ -120,17 +120,19 @@ def _fit(network: LaneNetwork, line: RouteLine, turn: _Turn) -> RouteLine | None
         return _candidate(s, xy, heading, (a, b), aside, (shape[4], shape[5]))
 
     def cost(shape: _Shape) -> float:
-        found = path(shape)
-        return 1e3 if found is None else cost_of(*found, room) + 0.02 * (abs(shape[2]) + abs(shape[3]))
+        candidate = path(shape)
+        return (
+            1e3 if candidate is None else cost_of(*candidate, room) + 0.02 * (abs(shape[2]) + abs(shape[3]))
+        )
 
     grid = itertools.product(_BEGINS_M, _BEGINS_M, _LATERALS_M, _HANDLES)
     shapes: list[_Shape] = [(before, behind, x, x, handle, handle) for before, behind, x, handle in grid]
     shapes = sorted(shapes, key=cost)[:_REFINED]
     best = min((_refined(cost, shape) for shape in shapes), key=cost)
-    found = path(best)
-    if found is None or cost(best) >= cost_of(used_m, used_rad, room):
+    candidate = path(best)
+    if candidate is None or cost(best) >= cost_of(used_m, used_rad, room):
         return None
-    return _as_line(piece, *found)
+    return _as_line(piece, *candidate)
 
 
 def _refined(cost: Callable[[_Shape], float], shape: _Shape) -> _Shape:
@@ -144,8 +146,8 @@ def _refined(cost: Callable[[_Shape], float], shape: _Shape) -> _Shape:
     def at(x: Array) -> float:
         return cost((x[0], x[1], x[2], x[3], x[4], x[5]))
 
-    found = minimize(at, np.array(shape), method="Nelder-Mead", options=options)
-    a, b, c, d, e, f = (float(value) for value in found.x)
+    result = minimize(at, np.array(shape), method="Nelder-Mead", options=options)
+    a, b, c, d, e, f = (float(value) for value in result.x)
     return a, b, c, d, e, f
 
 

@@ -14,11 +14,11 @@ POST_SIDES = 6
 """Sides of the prisms that stand for poles and trunks."""
 
 
-def posts(feet_m: Array, radius_m: float, height_m: ArrayLike) -> Array:
-    """Upright prisms of poles and trunks, feet (N, 3), heights one or (N,), shape (N·sides, 4, 3)."""
+def posts(bases_m: Array, radius_m: float, height_m: ArrayLike) -> Array:
+    """Upright prisms of poles and trunks, base points (N, 3), heights one or (N,), shape (N·sides, 4, 3)."""
     angle = np.arange(POST_SIDES + 1) * (2 * np.pi / POST_SIDES)
     ring = np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
-    low = np.repeat(feet_m[:, None, :], POST_SIDES + 1, axis=1)
+    low = np.repeat(bases_m[:, None, :], POST_SIDES + 1, axis=1)
     low[..., :2] += ring * radius_m
     high = low.copy()
     high[..., 2] += np.reshape(height_m, (-1, 1))

@@ -1,19 +1,13 @@
-"""Gathering triangles of many materials into one mesh.
-
-Texture coordinates of materials whose texture is a sheet of different pictures.
-
-Cutting the scenery into squares, so that far parts can be left out of a picture.
-"""
+"""Gathers triangles of many materials into one mesh."""
 
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.assets.texture_atlas import GRID, MARGIN
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.materials import MATERIALS, Material
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import WHITE, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.meshing.batches import Quads, Triangles, joined
@@ -111,7 +105,7 @@ class MeshBuilder:
             )
 
     def build(self) -> Mesh:
-        """Everything gathered so far as one mesh."""
+        """Builds one mesh of all that was gathered."""
         self._join()
         return merge(self._parts)
 
@@ -171,63 +165,6 @@ def _grid_triangles(rows: int, columns: int) -> NDArray[np.uint32]:
     """Triangles of a grid of corners stored row by row, shape (T, 3)."""
     index = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    found = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2).reshape(-1, 3)
-    found.setflags(write=False)
-    return found
-
-
-def cell_uv(material: Material, cell: NDArray[np.integer], aspect: float = 1.0) -> Array:
-    """Texture coordinates [m] (N, 4, 2) that show one picture on each upright quad.
-
-    Args:
-        material: One of those in `assets.atlas.GRID`.
-        cell: Picture of each quad, counted from the lower left to the right, then upwards; any whole number,
-            taken modulo the number of pictures, shape (N,).
-        aspect: Width over height of quads on which only a middle strip of the picture is shown.
-    """
-    columns, rows = GRID[material]
-    width, height = MATERIALS[material].tile_m / columns, MATERIALS[material].tile_m / rows
-    row, column = np.divmod(np.asarray(cell) % (columns * rows), columns)
-    cut = (1.0 - 1.0 / aspect) / 2 if aspect > 1.0 else 0.0
-    edge = MARGIN * min(width, height)
-    u0, u1 = column * width + edge, (column + 1) * width - edge
-    v0, v1 = (row + cut) * height + edge, (row + 1 - cut) * height - edge
-    corners = [np.stack([u, v], axis=-1) for u, v in ((u0, v0), (u1, v0), (u1, v1), (u0, v1))]
-    result: Array = np.stack(corners, axis=1)
-    return result
-
-
-CHUNK_M = 60.0
-"""Side of a square [m]."""
-FAR_CHUNK_M = 240.0
-"""Side of a square in the town's surroundings [m]."""
-
-
-def split_chunks(mesh: Mesh, size_m: float = CHUNK_M) -> tuple[Mesh, ...]:
-    """Meshes of the squares of a world-fixed grid; each triangle goes where its centre lies."""
-    if not len(mesh.triangles):
-        return ()
-    a, b, c = (mesh.vertices_m[mesh.triangles[:, k], :2] for k in range(3))
-    centre = (a + b + c) / np.float32(3.0)
-    cell = np.floor(centre / size_m).astype(np.int64)
-    key = (cell[:, 0] + (1 << 20)) * (1 << 22) + cell[:, 1] + (1 << 20)
-    # The far land's triangles are larger than squares; one chunk holds them all.
-    extent = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
-    key[extent.max(axis=1) > size_m] = -2
-    order = np.argsort(key, kind="stable")
-    starts = np.flatnonzero(np.diff(key[order], prepend=-3))
-    ends = np.append(starts[1:], len(order))
-    taken = np.zeros(len(mesh.vertices_m), dtype=bool)
-    number = np.zeros(len(mesh.vertices_m), dtype=np.uint32)
-    return tuple(_part(mesh, order[a:b], taken, number) for a, b in zip(starts, ends, strict=True))
-
-
-def _part(mesh: Mesh, rows: NDArray[np.int64], taken: NDArray[np.bool_], number: NDArray[np.uint32]) -> Mesh:
-    """Some triangles with their own vertices; `taken` (all false) and `number` are room for all vertices."""
-    triangles = mesh.triangles[rows]
-    taken[triangles] = True
-    low, high = int(triangles.min()), int(triangles.max()) + 1
-    used = np.flatnonzero(taken[low:high]) + low
-    taken[used] = False
-    number[used] = np.arange(len(used), dtype=np.uint32)
-    return mesh.taking(used, number[triangles])
+    triangles = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2).reshape(-1, 3)
+    triangles.setflags(write=False)
+    return triangles

@@ -65,19 +65,19 @@ def _block_triangles(block: Area, corner: Array, cell_m: float) -> list[Array]:
     boxes = shapely.box(low[:, 0], low[:, 1], low[:, 0] + cell_m, low[:, 1] + cell_m)
     shapely.prepare(block)
     inside = shapely.covers(block, boxes)
-    found: list[Array] = []
+    triangles_of: list[Array] = []
     if inside.any():
         a = low[inside]
         east, north = np.array([cell_m, 0.0]), np.array([0.0, cell_m])
         b, c, d = a + east, a + east + north, a + north
-        found.append(np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3, 2))
+        triangles_of.append(np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3, 2))
     edge = ~inside & shapely.intersects(block, boxes)
     if edge.any():
         parts = polygons_of(shapely.intersection(block, boxes[edge]))
         triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(np.array(parts, dtype=object)))
         if len(triangles):
-            found.append(shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3])
-    return found
+            triangles_of.append(shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3])
+    return triangles_of
 
 
 def _boxes(part: Area, size_m: float) -> tuple[Array, NDArray[np.object_]]:

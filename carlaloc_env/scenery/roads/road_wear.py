@@ -12,25 +12,23 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.lane_strips import Strip
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.scenery.roads.junction_surfaces import casting_ends
-from carlaloc_env.scenery.roads.road_classes import (
+from carlaloc_env.scenery.roads.fast_roads import FAST_DETAILS, FAST_SURFACE, is_fast
+from carlaloc_env.scenery.roads.lane_surfaces import casting_ends
+from carlaloc_env.scenery.roads.repairs import (
     COLLAR_GREY,
     COLLAR_M,
     COLLARS,
     COVER_M,
     COVER_RADIUS_M,
-    DETAILS,
     PATCH_M,
     SEAL_M,
     SEAL_WIDTH_M,
     SQUARE,
-    SURFACE,
     cover_rings,
-    felt_on,
-    is_fast,
     lay_cover,
     repair_surface,
 )
+from carlaloc_env.scenery.roads.road_events import felt_on
 from carlaloc_env.scenery.roads.road_markings import beside
 
 Interval = tuple[float, float]
@@ -118,7 +116,11 @@ class _LaneWear:
         self, bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator, *, fast: bool
     ) -> None:
         self._bands, self._strip, self._lane, self._painted = bands, strip, lane, painted
-        self._draw, self._share, self._surface = draw, DETAILS if fast else 1.0, SURFACE if fast else None
+        self._draw, self._share, self._surface = (
+            draw,
+            FAST_DETAILS if fast else 1.0,
+            FAST_SURFACE if fast else None,
+        )
         self._taken: list[Rectangle] = []
 
     def patches(self) -> None:

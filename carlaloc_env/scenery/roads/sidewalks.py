@@ -30,7 +30,7 @@ GRASS_MEDIAN_M = 1.8
 
 
 def add_sidewalks(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
-    """Everything raised beside the roads outside junctions, with kerbs dropped at crosswalks."""
+    """Adds sidewalks and medians beside the roads outside junctions, with kerbs dropped at crosswalks."""
     for strip in strips:
         if strip.junction_id is not None:
             continue

@@ -12,10 +12,11 @@ from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scenery.ground.grade_levels import State, Waysides
+from carlaloc_env.scenery.ground.grade_levels import State
+from carlaloc_env.scenery.ground.road_edges import Waysides
 from carlaloc_env.scenery.ground.terrain import Terrain
-from carlaloc_env.scenery.meshing.batches import copies, poses
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.scenery.meshing.props import copies, poses
 from carlaloc_env.scenery.street.parked_cars import ParkedCars
 
 BAY_M = (2.5, 5.0)
@@ -75,7 +76,7 @@ class CarPark:
 def place_car_parks(ways: Waysides, blocked: Area) -> list[CarPark]:
     """Car parks along streets with sidewalks, where nothing else is in the way."""
     shapely.prepare(blocked)
-    found: list[CarPark] = []
+    parks: list[CarPark] = []
     for edge in ways.edges:
         draw = clock.stream(ways.seed, f"car park/{edge.name}")
         kind = ways.zones.kind_at(edge.line_m[len(edge.line_m) // 2])
@@ -99,10 +100,10 @@ def place_car_parks(ways: Waysides, blocked: Area) -> list[CarPark]:
         corners = park.points(*np.meshgrid(np.linspace(0, park.width_m, 5), np.linspace(0, DEPTH_M, 4)))
         z = ways.ground.height(corners.reshape(-1, 2))
         clear = not shapely.intersects(blocked, shapely.buffer(park.area(), -0.2))
-        alone = not any(shapely.dwithin(park.area(), other.area(), 8.0) for other in found)
+        alone = not any(shapely.dwithin(park.area(), other.area(), 8.0) for other in parks)
         if np.ptp(z) < STEEPEST_M and clear and alone:
-            found.append(park)
-    return found
+            parks.append(park)
+    return parks
 
 
 def add_car_park(out: MeshBuilder, cars: ParkedCars, park: CarPark, ways: Waysides, instance: int) -> None:
@@ -122,9 +123,9 @@ def add_car_park(out: MeshBuilder, cars: ParkedCars, park: CarPark, ways: Waysid
             cars.put(np.array([*spot, float(ground.height(spot[None])[0]) + _LIFT_M]), yaw, draw)
     _fences(out, park, ground, instance)
     post = park.points(np.array(0.5 + entrance * BAY_M[0] - 0.4), np.array(0.5))
-    foot = np.array([*post, float(ground.height(post[None])[0])])
+    base_m = np.array([*post, float(ground.height(post[None])[0])])
     facing = float(elementary.arctan2(-park.inward[1], -park.inward[0]))
-    out.add(copies(sign("parking"), poses(foot, facing), instance))
+    out.add(copies(sign("parking"), poses(base_m, facing), instance))
 
 
 def _surface(out: MeshBuilder, park: CarPark, ground: Terrain) -> None:
@@ -159,11 +160,11 @@ def _fences(out: MeshBuilder, park: CarPark, ground: Terrain, instance: int) -> 
         (park.points(np.array(0.0), np.array(d)), park.along, w),
         (park.points(np.array(w), np.array(0.3)), park.inward, d - 0.3),
     )
-    feet, yaws = [], []
+    bases_m, yaws = [], []
     for start, direction, length in sides:
         count = int(length / step)
         for k in range(count):
             xy = start + direction * k * length / count
-            feet.append([*xy, float(ground.height(xy[None])[0])])
+            bases_m.append([*xy, float(ground.height(xy[None])[0])])
             yaws.append(float(elementary.arctan2(direction[1], direction[0])))
-    out.add(copies(fence(3.0, 1.0, kind="rails"), poses(np.array(feet), np.array(yaws)), instance))
+    out.add(copies(fence(3.0, 1.0, kind="rails"), poses(np.array(bases_m), np.array(yaws)), instance))

@@ -15,10 +15,11 @@ from carlaloc_env.core.areas import Area, areas_only, without
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scenery.ground.terrain import Land, Terrain
+from carlaloc_env.scenery.ground.land import Land
+from carlaloc_env.scenery.ground.terrain import Terrain
 from carlaloc_env.scenery.mapped import MappedFeature, of_kind
-from carlaloc_env.scenery.meshing.batches import PropField
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.scenery.meshing.props import PropField
 from carlaloc_env.scenery.meshing.triangulation import triangulate
 from carlaloc_env.scenery.vegetation.gardens import wall_panel
 from carlaloc_env.scenery.vegetation.planting import put_trees
@@ -133,11 +134,11 @@ def _line(props: PropField, feature: MappedFeature, land: Land, solid: Area) -> 
         size = np.hypot(step[:, 0], step[:, 1]) / PANEL_M
         yaw = elementary.arctan2(step[:, 1], step[:, 0])
         ok = size > 0.5
-        feet = land.on_ground(points[:-1])[ok]
+        bases_m = land.on_ground(points[:-1])[ok]
         if feature.kind == "hedge":
             make = partial(hedge, PANEL_M, detail="low")
         elif feature.kind == "wall":
             make = partial(wall_panel, Material.RUBBLE, (250, 244, 232))
         else:
             make = partial(fence, PANEL_M, 1.2, kind="rails")
-        props.put(f"mapped {feature.kind}", make, feet, yaw[ok], 1.0)
+        props.put(f"mapped {feature.kind}", make, bases_m, yaw[ok], 1.0)

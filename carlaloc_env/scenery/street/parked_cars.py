@@ -16,11 +16,12 @@ from carlaloc_env.core.polylines import distance_along, interpolated
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scenery.ground.grade_levels import RoadEdge, State, Waysides
+from carlaloc_env.scenery.ground.grade_levels import State
 from carlaloc_env.scenery.ground.lane_strips import Strip
+from carlaloc_env.scenery.ground.road_edges import RoadEdge, Waysides
 from carlaloc_env.scenery.ground.terrain import Terrain
-from carlaloc_env.scenery.meshing.batches import InstanceIds, copies, poses
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, box_quads, turned
+from carlaloc_env.scenery.meshing.props import InstanceIds, copies, poses
 
 CARS = (*(name for name, model in VEHICLES.items() if model.tag == Tag.CAR), "pickup", "van")
 """Models that are parked."""
@@ -51,49 +52,49 @@ class ParkedCars:
 
     names: list[str] = field(default_factory=list)
     """Models."""
-    feet_m: list[Array] = field(default_factory=list)
+    bases_m: list[Array] = field(default_factory=list)
     """Middles of their footprints on the ground [m], (3,) each."""
     yaws_rad: list[float] = field(default_factory=list)
     """Where their noses point [rad]."""
     tints: list[tuple[int, int, int]] = field(default_factory=list)
     """Linear paint colours."""
 
-    def put(self, foot_m: Array, yaw_rad: float, draw: np.random.Generator) -> None:
+    def put(self, base_m: Array, yaw_rad: float, draw: np.random.Generator) -> None:
         """Park a car drawn from the fleet."""
         weights = np.array([VEHICLES[name].weight for name in CARS])
         name = CARS[int(draw.choice(len(CARS), p=weights / weights.sum()))]
         tints = VEHICLES[name].tints
         shares = np.array([share for _, share in tints])
         self.names.append(name)
-        self.feet_m.append(np.asarray(foot_m, dtype=np.float64))
+        self.bases_m.append(np.asarray(base_m, dtype=np.float64))
         self.yaws_rad.append(yaw_rad + float(draw.normal(0.0, 0.015)))
         self.tints.append(tints[int(draw.choice(len(tints), p=shares / shares.sum()))][0])
 
     def footprints(self) -> list[Area]:
         """Plan-view rectangles."""
-        cars = zip(self.names, self.feet_m, self.yaws_rad, strict=True)
-        return [rectangle(foot[:2], yaw, *VEHICLES[name].size_m[:2]) for name, foot, yaw in cars]
+        cars = zip(self.names, self.bases_m, self.yaws_rad, strict=True)
+        return [rectangle(base_m[:2], yaw, *VEHICLES[name].size_m[:2]) for name, base_m, yaw in cars]
 
     def meshes(self, ids: InstanceIds) -> list[Mesh]:
         """All cars, with an instance id each."""
-        found = []
+        meshes = []
         names = np.array(self.names)
         for name in CARS:
             rows = np.flatnonzero(names == name)
             if len(rows):
-                T = poses(np.array(self.feet_m)[rows], np.array(self.yaws_rad)[rows])
+                T = poses(np.array(self.bases_m)[rows], np.array(self.yaws_rad)[rows])
                 paint = np.array(self.tints, dtype=np.float64)[rows] / 255.0
                 model, first = vehicle(name).low, ids.take(len(rows))
-                found.append(_with_plates(copies(model, T, first, paint, tinted=Material.CAR_PAINT)))
-        return found
+                meshes.append(_with_plates(copies(model, T, first, paint, tinted=Material.CAR_PAINT)))
+        return meshes
 
     def add_boxes(self, solid: MeshBuilder) -> None:
         """The cars as boxes that others can hit."""
-        for name, foot, yaw in zip(self.names, self.feet_m, self.yaws_rad, strict=True):
+        for name, base_m, yaw in zip(self.names, self.bases_m, self.yaws_rad, strict=True):
             length, width, height = VEHICLES[name].size_m
             box = box_quads([-length / 2, -width / 2, 0.0], [length / 2, width / 2, height])
-            placed = turned(box, foot, yaw)
-            placed[..., 2] += foot[2]
+            placed = turned(box, base_m, yaw)
+            placed[..., 2] += base_m[2]
             solid.quads(placed, material=Material.PLAIN, tag=Tag.CAR)
 
 
@@ -173,7 +174,7 @@ def park_on_verges(cars: ParkedCars, ways: Waysides, blocked: Area) -> None:
 def lay_drives(out: MeshBuilder, cars: ParkedCars, ways: Waysides, blocked: Area) -> list[Area]:
     """Drives between houses with a car on most; returns the ground that they take."""
     shapely.prepare(blocked)
-    found: list[Area] = []
+    drives: list[Area] = []
     for edge in ways.edges:
         if not edge.sidewalk:
             continue
@@ -182,12 +183,12 @@ def lay_drives(out: MeshBuilder, cars: ParkedCars, ways: Waysides, blocked: Area
         row = int(JUNCTION_M)
         while row < len(edge.line_m) - JUNCTION_M:
             if edge.state[row] == State.GROUND and draw.random() < DRIVES.get(kinds[row], 0.0):
-                drive = _drive(out, cars, edge, row, blocked, found, ways.ground, draw)
+                drive = _drive(out, cars, edge, row, blocked, drives, ways.ground, draw)
                 if drive is not None:
-                    found.append(drive)
+                    drives.append(drive)
                     row += int(DRIVE_STEP_M) - 1
             row += 1
-    return found
+    return drives
 
 
 def _drive(

@@ -9,11 +9,11 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.lanes.lanes import SignalHead, StaticSign
-from carlaloc_env.map.opendrive.read_roads import MPS_PER_UNIT
+from carlaloc_env.map.opendrive.read_lane_sections import MPS_PER_UNIT
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.scenery.ground.height_fields import HeightOf
-from carlaloc_env.scenery.meshing.batches import InstanceIds, copies, poses
+from carlaloc_env.scenery.meshing.props import InstanceIds, copies, poses
 
 SHORTEST_ARM_M, LONGEST_ARM_M = 3.5, 11.0
 """Mast arms that are built; nearer lanes are served from the post [m]."""
@@ -23,15 +23,15 @@ _POST_ROOM_M, _FARTHEST_POST_M = 0.5, 16.0
 def add_signals(
     network: LaneNetwork, floor: HeightOf, ids: InstanceIds
 ) -> tuple[list[Mesh], SignalLenses, Array]:
-    """Meshes of all traffic lights, their lenses, and the feet of their posts [m] (S, 3)."""
+    """Meshes of all traffic lights, their lenses, and the base points of their posts [m] (S, 3)."""
     meshes: list[Mesh] = []
     lens_poses, signal, state, instance = [], [], [], []
-    feet = np.zeros((len(network.signals), 3))
+    bases_m = np.zeros((len(network.signals), 3))
     for number, head in enumerate(network.signals):
         place = _beside_lanes(network, head)
-        feet[number] = (*place, floor(place[None])[0])
+        bases_m[number] = (*place, floor(place[None])[0])
         yaw = elementary.arctan2(head.T_world_signal[1, 0], head.T_world_signal[0, 0])
-        T = poses(feet[number], yaw)
+        T = poses(bases_m[number], yaw)
         arm, heads = _arm(network, head, T[0])
         mesh, lenses = traffic_light(heads, arm)
         head_id = ids.take()
@@ -42,29 +42,29 @@ def add_signals(
                 signal.append(number)
                 state.append(lens + 1)
                 instance.append(head_id)
-    found = SignalLenses(
+    signal_lenses = SignalLenses(
         signal=np.array(signal, dtype=np.int32),
         state=np.array(state, dtype=np.uint8),
         T_world_lens=np.array(lens_poses, dtype=np.float64).reshape(-1, 4, 4),
         instance=np.array(instance, dtype=np.uint32),
     )
-    return meshes, found, feet
+    return meshes, signal_lenses, bases_m
 
 
 def add_signs(network: LaneNetwork, floor: HeightOf, ids: InstanceIds) -> tuple[list[Mesh], Array]:
-    """Meshes of all signs, and the feet of their posts [m] (K, 3)."""
+    """Meshes of all signs, and the base points of their posts [m] (K, 3)."""
     meshes: list[Mesh] = []
-    feet = []
+    bases_m = []
     for item in network.static_signs:
         kind = _kind(item)
         if kind is None:
             continue
         position = item.T_world_sign[:3, 3]
-        foot = np.array([*position[:2], floor(position[None, :2])[0]])
+        base_m = np.array([*position[:2], floor(position[None, :2])[0]])
         yaw = elementary.arctan2(item.T_world_sign[1, 0], item.T_world_sign[0, 0])
-        meshes.append(copies(sign(*kind), poses(foot, yaw), ids.take()))
-        feet.append(foot)
-    return meshes, np.array(feet).reshape(-1, 3)
+        meshes.append(copies(sign(*kind), poses(base_m, yaw), ids.take()))
+        bases_m.append(base_m)
+    return meshes, np.array(bases_m).reshape(-1, 3)
 
 
 def _beside_lanes(network: LaneNetwork, head: SignalHead) -> Array:
@@ -82,8 +82,8 @@ def _beside_lanes(network: LaneNetwork, head: SignalHead) -> Array:
         near = network.nearest(places)
         free = near.distance_m > 0.5 * network.width_m(near.lane, near.station_m) + _POST_ROOM_M
         if free.any():
-            foot: Array = places[int(np.argmax(free))]
-            return foot
+            base_m: Array = places[int(np.argmax(free))]
+            return base_m
     return place
 
 

@@ -1,22 +1,13 @@
-"""Things on sidewalks: lamps, trees, benches, bins, hydrants, shelters, and hedges behind them.
-
-Props chosen for the sidewalks of a town, and their meshes.
-"""
+"""Things on sidewalks: lamps, trees, benches, bins, hydrants, shelters, and hedges behind them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from carlaloc_env.assets import street_furniture
-from carlaloc_env.assets.plants import hedge
-from carlaloc_env.assets.signs import sign
-from carlaloc_env.assets.texture_atlas import STREET_NAMES
-from carlaloc_env.assets.trees import tree
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
@@ -24,62 +15,22 @@ from carlaloc_env.core.polylines import distance_along, interpolated
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scenery.ground.lane_strips import Strip
 from carlaloc_env.scenery.ground.terrain import Zones
-from carlaloc_env.scenery.meshing.batches import InstanceIds, copies, poses
+from carlaloc_env.scenery.meshing.props import InstanceIds, copies, poses
 from carlaloc_env.scenery.roads.sidewalks import raised_runs, run_edges
-from carlaloc_env.scenery.structures.masts import lamp_reach
+from carlaloc_env.scenery.street.sidewalk_props import LAMP_ARM_M, LAMP_HEIGHT_M, Placement, prop_mesh
+from carlaloc_env.scenery.structures.lamp_masts import lamp_reach
 from carlaloc_env.scenery.vegetation.planting import DETAIL_M
-
-LAMP_HEIGHT_M, LAMP_ARM_M = 8.5, 2.0
-"""Height of a lamp's light, and how far it reaches over the road [m]."""
-
-
-@dataclass(slots=True, eq=False)
-class Placement:
-    """Props chosen so far: name → feet and directions; and what the posts block."""
-
-    feet: dict[tuple[str, int, str], list[Array]] = field(default_factory=dict)
-    """Feet [m] by prop, variant and detail."""
-    yaws: dict[tuple[str, int, str], list[float]] = field(default_factory=dict)
-    """Directions of the x axes [rad]."""
-
-    def put(self, name: str, foot: Array, yaw: float, variant: int = 0, detail: str = "") -> None:
-        """Choose one prop."""
-        key = (name, variant, detail)
-        self.feet.setdefault(key, []).append(foot)
-        self.yaws.setdefault(key, []).append(yaw)
-
-    def feet_of(self, name: str) -> Array:
-        """Feet of all props of one name [m], shape (K, 3)."""
-        found = [foot for key, feet in self.feet.items() if key[0] == name for foot in feet]
-        return np.array(found, dtype=np.float64).reshape(-1, 3)
-
-
-def prop_mesh(name: str, variant: int, detail: str) -> Mesh:
-    """Mesh of a placed prop."""
-    if name.startswith("tree "):
-        return tree(name.removeprefix("tree "), variant, detail)
-    makers: dict[str, Callable[[], Mesh]] = {
-        "lamp": lambda: street_furniture.lamp(LAMP_HEIGHT_M, LAMP_ARM_M),
-        "banner": lambda: street_furniture.banner(variant),
-        "bench": street_furniture.bench,
-        "bin": street_furniture.bin_,
-        "hydrant": street_furniture.hydrant,
-        "newspaper_box": street_furniture.newspaper_box,
-        "post_box": street_furniture.post_box,
-        "cabinet": street_furniture.cabinet,
-        "planter": street_furniture.planter,
-        "column": lambda: street_furniture.advertising_column(variant),
-        "street_name": lambda: sign("street_name", STREET_NAMES[variant]),
-        "bus_shelter": lambda: street_furniture.bus_shelter(variant),
-        "hedge": lambda: hedge(3.0, 1.2 + 0.1 * variant, 0.6, variant, "low"),
-    }
-    return makers[name]()
-
 
 LAMP_STEP_M = 30.0
 """Distance of lamps on one side of a street [m]."""
 TREE_STEP_M = 9.0
 """Distance of street trees [m]."""
+FIRST_TREE_M = 4
+"""From the first lamp to the first tree [m]."""
+LAMP_CLEAR_M = 2
+"""No tree stands so near behind a lamp [m]."""
+SMALL_STEP_M, FIRST_SMALL_M = 13, 7
+"""Distance of benches, bins and the like, and from the first lamp to the first of them [m]."""
 KERB_DISTANCE_M = 0.75
 """Distance of lamps and trees from the kerb [m]."""
 END_M = 9.0
@@ -108,7 +59,7 @@ TREE_KINDS: dict[str, tuple[str, ...]] = {
 
 
 class Furnisher:
-    """Places furniture along sidewalks so that it keeps clear of crossings, posts and doors of junctions."""
+    """Places furniture along sidewalks, clear of crossings, posts and the mouths of junctions."""
 
     def __init__(
         self,
@@ -151,28 +102,30 @@ class Furnisher:
 
     def meshes(self, ids: InstanceIds) -> list[Mesh]:
         """All props as meshes, with an instance id each."""
-        found = []
-        for key in sorted(self.placed.feet):
+        meshes = []
+        for key in sorted(self.placed.bases_m):
             name, variant, detail = key
-            feet = np.array(self.placed.feet[key])
+            bases_m = np.array(self.placed.bases_m[key])
             yaws = np.array(self.placed.yaws[key])
             draw = clock.stream(self._seed, f"props/{name}/{variant}/{detail}")
-            scale, tint = np.ones(len(feet)), None
+            scale, tint = np.ones(len(bases_m)), None
             if name.startswith("tree "):
-                scale = draw.uniform(0.85, 1.15, len(feet))
-                tint = draw.uniform(0.75, 1.1, (len(feet), 1)) * draw.uniform(0.93, 1.07, (len(feet), 3))
+                scale = draw.uniform(0.85, 1.15, len(bases_m))
+                tint = draw.uniform(0.75, 1.1, (len(bases_m), 1)) * draw.uniform(
+                    0.93, 1.07, (len(bases_m), 3)
+                )
             mesh = prop_mesh(name, variant, detail)
-            found.append(copies(mesh, poses(feet, yaws, scale), ids.take(len(feet)), tint))
-        return found
+            meshes.append(copies(mesh, poses(bases_m, yaws, scale), ids.take(len(bases_m)), tint))
+        return meshes
 
     def lamps_m(self) -> Array:
         """Light sources of the lamps [m], shape (K, 3)."""
         key = ("lamp", 0, "")
-        feet = self.placed.feet_of("lamp")
-        if not len(feet):
-            return feet
+        bases_m = self.placed.bases_of("lamp")
+        if not len(bases_m):
+            return bases_m
         yaw = np.array(self.placed.yaws[key])
-        result: Array = feet + lamp_reach(yaw, LAMP_ARM_M, LAMP_HEIGHT_M)
+        result: Array = bases_m + lamp_reach(yaw, LAMP_ARM_M, LAMP_HEIGHT_M)
         return result
 
     def _side(self, strip: Strip, name: str, kerb: Array, outer: Array) -> None:
@@ -187,12 +140,14 @@ class Furnisher:
         shift = int(draw.integers(0, int(LAMP_STEP_M)))
         for at in range(int(END_M), length - int(END_M) + 1):
             row = _Row(line, far, at)
-            if (at + shift) % int(LAMP_STEP_M) == 0:
+            metre = at + shift
+            past_lamp_m = metre % int(LAMP_STEP_M)
+            if past_lamp_m == 0:
                 self._lamp(row, zone, draw)
-            elif (at + shift) % int(TREE_STEP_M) == 4 and width >= NARROW_M and zone != "industrial":
-                if self._free(row.at(KERB_DISTANCE_M + 0.2)) and (at + shift) % int(LAMP_STEP_M) > 2:
+            elif metre % int(TREE_STEP_M) == FIRST_TREE_M and width >= NARROW_M and zone != "industrial":
+                if self._free(row.at(KERB_DISTANCE_M + 0.2)) and past_lamp_m > LAMP_CLEAR_M:
                     self._tree(row.at(KERB_DISTANCE_M + 0.2, -0.03), zone, draw)
-            elif (at + shift) % 13 == 7:
+            elif metre % SMALL_STEP_M == FIRST_SMALL_M:
                 self._small(row, zone, draw, width)
         corner = _Row(line, far, length - NAME_POST_M)
         if name.endswith("right") and zone in NAMED_ZONES and self._free(corner.at(0.5), 1.2):
@@ -205,21 +160,21 @@ class Furnisher:
                 self.placed.put("bus_shelter", row.at(width - 0.85), row.yaw, int(draw.integers(0, 16)))
 
     def _lamp(self, row: _Row, zone: str, draw: np.random.Generator) -> None:
-        foot = row.at(KERB_DISTANCE_M - 0.15)
-        if not self._free(foot, 1.5):
+        base_m = row.at(KERB_DISTANCE_M - 0.15)
+        if not self._free(base_m, 1.5):
             return
-        self.placed.put("lamp", foot, row.yaw)
+        self.placed.put("lamp", base_m, row.yaw)
         if zone in ("downtown", "skyscraper") and draw.random() < 0.6:
-            self.placed.put("banner", foot, row.yaw + np.pi / 2, int(draw.integers(0, 16)))
+            self.placed.put("banner", base_m, row.yaw + np.pi / 2, int(draw.integers(0, 16)))
 
-    def _tree(self, foot: Array, zone: str, draw: np.random.Generator) -> None:
+    def _tree(self, base_m: Array, zone: str, draw: np.random.Generator) -> None:
         kinds = TREE_KINDS[zone]
         if not kinds or draw.random() < 0.12:
             return
         kind = kinds[int(draw.integers(len(kinds)))]
-        near = self._route is None or self._route.query(foot[:2])[0] < DETAIL_M
+        near = self._route is None or self._route.query(base_m[:2])[0] < DETAIL_M
         yaw, variant = float(draw.uniform(0, 2 * np.pi)), int(draw.integers(PROTOTYPES))
-        self.placed.put(f"tree {kind}", foot, yaw, variant, "high" if near else "low")
+        self.placed.put(f"tree {kind}", base_m, yaw, variant, "high" if near else "low")
 
     def _small(self, row: _Row, zone: str, draw: np.random.Generator, width: float) -> None:
         if zone in ("rural", "industrial"):
@@ -233,10 +188,10 @@ class Furnisher:
         distance = width - 0.45 if beside_wall else 0.65
         if name == "column":
             distance = 1.1
-        foot = row.at(distance)
-        if self._free(foot):
+        base_m = row.at(distance)
+        if self._free(base_m):
             variant = int(draw.integers(0, 16)) if name == "column" else 0
-            self.placed.put(name, foot, row.yaw, variant)
+            self.placed.put(name, base_m, row.yaw, variant)
 
     def _hedges(self, line: Array, far: Array, draw: np.random.Generator) -> None:
         """Hedges along the outer edge, with gaps for gates."""
@@ -249,19 +204,19 @@ class Furnisher:
                 continue
             row = _Row(line, far, at)
             width = float(np.hypot(*(far[at] - line[at])[:2]))
-            foot = row.at(width + 0.55, -0.1)
+            base_m = row.at(width + 0.55, -0.1)
             yaw = row.yaw + np.pi / 2
-            end = foot[:2] + 3.0 * np.array([elementary.cos(yaw), elementary.sin(yaw)])
-            line_of_hedge = shapely.LineString([foot[:2], end])
+            end = base_m[:2] + 3.0 * np.array([elementary.cos(yaw), elementary.sin(yaw)])
+            line_of_hedge = shapely.LineString([base_m[:2], end])
             if len(self._footprints.query(line_of_hedge, predicate="dwithin", distance=1.2)):
                 continue
-            if self._zones.kind_at(foot, self._zones.default) in ("residential", "small_town", "rural"):
-                self.placed.put("hedge", foot, yaw, int(draw.integers(0, 3)))
+            if self._zones.kind_at(base_m, self._zones.default) in ("residential", "small_town", "rural"):
+                self.placed.put("hedge", base_m, yaw, int(draw.integers(0, 3)))
 
-    def _free(self, foot: Array, radius_m: float = 2.5) -> bool:
-        if shapely.intersects_xy(self._roofed, foot[0], foot[1]):
+    def _free(self, base_m: Array, radius_m: float = 2.5) -> bool:
+        if shapely.intersects_xy(self._roofed, base_m[0], base_m[1]):
             return False
-        return self._clear is None or bool(self._clear.query(foot[:2])[0] > radius_m)
+        return self._clear is None or bool(self._clear.query(base_m[:2])[0] > radius_m)
 
 
 class _Row:

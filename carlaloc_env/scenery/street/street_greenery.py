@@ -15,8 +15,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import distance_along, interpolated
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scenery.buildings.building_lots import Lot
-from carlaloc_env.scenery.ground.terrain import Land
-from carlaloc_env.scenery.meshing.batches import PropField
+from carlaloc_env.scenery.ground.land import Land
+from carlaloc_env.scenery.meshing.props import PropField
 from carlaloc_env.scenery.roads.sidewalks import GRASS_MEDIAN_M, raised_runs, run_edges
 
 GREEN_SHARE = {"dwelling": 0.8, "shop": 0.7, "lobby": 0.7, "hall": 0.6}
@@ -44,7 +44,7 @@ def add_street_greenery(props: PropField, land: Land, lots: Sequence[Lot], posts
         props: Takes the plants.
         land: The town's land.
         lots: Its buildings.
-        posts_m: Feet of all that stands on sidewalks [m], shape (K, 2).
+        posts_m: Base points of all that stands on sidewalks [m], shape (K, 2).
     """
     for lot in lots:
         _front(props, land, lot)
@@ -64,8 +64,8 @@ def _front(props: PropField, land: Land, lot: Lot) -> None:
     pier, door_m = 0.4 + pitch * np.arange(bays + 1.0), 0.4 + pitch * (bays // 2 + 0.5)
 
     def put(name: str, make: Callable[[int], Mesh], a: Array, b: float, scale: Array) -> None:
-        feet = land.on_ground(lot.corner_m + a[:, None] * along + b * outward, -0.05)
-        _put(props, name, make, feet, np.full(len(a), lot.heading_rad), scale, draw)
+        bases_m = land.on_ground(lot.corner_m + a[:, None] * along + b * outward, -0.05)
+        _put(props, name, make, bases_m, np.full(len(a), lot.heading_rad), scale, draw)
 
     grown: Array = pier[draw.random(bays + 1) < CLIMBER_SHARE]
     put("climber", climber, grown, 0.02, draw.uniform(0.7, 1.3, len(grown)))
@@ -115,32 +115,32 @@ def _beds(
     if length_m[-1] < 2 * END_M + BED_M:
         return
     at = np.arange(END_M, length_m[-1] - END_M - BED_M, BED_M + 0.2)
-    foot, end = (interpolated(at + step, length_m, line_m) for step in (0.0, BED_M))
-    zones = land.zones.kinds_at(foot[:, :2])
+    base_m, end = (interpolated(at + step, length_m, line_m) for step in (0.0, BED_M))
+    zones = land.zones.kinds_at(base_m[:, :2])
     share = [MEDIAN_SHARE if kind == "median" else BED_SHARE.get(str(zone), 0.0) for zone in zones]
     keep = draw.random(len(at)) < np.array(share)
     for step in (0.0, BED_M):
         keep &= np.interp(at + step, length_m, room_m) > -0.01
     if posts is not None:
-        keep &= posts.query(0.5 * (foot + end)[:, :2])[0] > POST_CLEAR_M
-    way = (end - foot)[keep]
+        keep &= posts.query(0.5 * (base_m + end)[:, :2])[0] > POST_CLEAR_M
+    way = (end - base_m)[keep]
     size = draw.uniform(0.9, 1.35, len(way)) if kind == "median" else draw.uniform(0.7, 1.0, len(way))
-    feet = foot[keep] - [0.0, 0.0, 0.05]
-    _put(props, "bed", bed, feet, elementary.arctan2(way[:, 1], way[:, 0]), size, draw)
+    bases_m = base_m[keep] - [0.0, 0.0, 0.05]
+    _put(props, "bed", bed, bases_m, elementary.arctan2(way[:, 1], way[:, 0]), size, draw)
 
 
 def _put(
     props: PropField,
     name: str,
     make: Callable[[int], Mesh],
-    feet_m: Array,
+    bases_m: Array,
     yaw_rad: Array,
     scale: Array,
     draw: np.random.Generator,
 ) -> None:
     """Plants of four shapes and hues."""
-    kind = draw.integers(0, len(HUES), len(feet_m))
+    kind = draw.integers(0, len(HUES), len(bases_m))
     for k, hue in enumerate(HUES):
         rows = kind == k
         tint = np.array(hue) / 215.0
-        props.put(("street", name, k), partial(make, k), feet_m[rows], yaw_rad[rows], scale[rows], tint)
+        props.put(("street", name, k), partial(make, k), bases_m[rows], yaw_rad[rows], scale[rows], tint)

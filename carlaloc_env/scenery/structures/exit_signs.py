@@ -22,8 +22,8 @@ from carlaloc_env.map.lanes.lanes import Lane
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scenery.ground.grade_levels import WALL_M
 from carlaloc_env.scenery.ground.height_fields import HeightOf
-from carlaloc_env.scenery.meshing.batches import PropField
-from carlaloc_env.scenery.structures.bridges import PARAPET_M
+from carlaloc_env.scenery.meshing.props import PropField
+from carlaloc_env.scenery.structures.deck_edges import PARAPET_M
 from carlaloc_env.scenery.structures.guard_rails import FAST_MPS
 
 ADVANCE_M, OVERHEAD_M, MARKERS_M = 1000.0, (500.0, 0.0), (300.0, 200.0, 100.0)
@@ -49,7 +49,7 @@ _STEP_M = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exit:
-    """Where a ramp leaves a fast road."""
+    """A place where a ramp leaves a fast road."""
 
     ramp: int
     """Lane of the ramp inside the junction."""
@@ -59,7 +59,7 @@ class Exit:
 
 def exits(network: LaneNetwork) -> list[Exit]:
     """Exits of all fast roads: a slow road of one lane leaves at a small angle, the fast one goes on."""
-    found = []
+    ramps = []
     for lane in network.lanes:
         before = [network.lanes[k] for k in lane.predecessors]
         after = [network.lanes[k] for k in lane.successors]
@@ -75,14 +75,14 @@ def exits(network: LaneNetwork) -> list[Exit]:
         ]
         goes_on = any(_is_fast(network.lanes[k]) for other in others for k in other.successors)
         if goes_on and abs(transforms.wrap_angle(ends[1] - ends[0])) < _PARTING_RAD:
-            found.append(Exit(ramp=lane.index, through=_at_kerb(network, before[0]).index))
-    return found
+            ramps.append(Exit(ramp=lane.index, through=_at_kerb(network, before[0]).index))
+    return ramps
 
 
 def add_exit_signs(
     props: PropField, network: LaneNetwork, paved: Area, blocked: Area, overhead: Area, floor: HeightOf
 ) -> Array:
-    """Signs of all exits; gives their posts' feet [m], shape (K, 3).
+    """Signs of all exits; gives the base points of their posts [m], shape (K, 3).
 
     Args:
         props: Takes the signs.
@@ -93,38 +93,38 @@ def add_exit_signs(
         floor: Height of the ground.
     """
     place = _Placer(network, paved, blocked, overhead, floor)
-    feet: list[Array] = []
+    bases_m: list[Array] = []
     for number, exit_ in enumerate(exits(network)):
         names = _names(network, exit_, number)
         advance = place.beside(exit_, ADVANCE_M, LARGE_M) or place.beside(exit_, SHORT_ADVANCE_M, LARGE_M)
         if advance is not None:
-            feet.append(advance.foot_m)
+            bases_m.append(advance.base_m)
             advance.put(props, ("verge sign", *names), partial(verge_sign, *names[1:]))
         for distance in OVERHEAD_M:
             spot = place.beside(exit_, distance, POST_M)
             if spot is not None:
-                feet.append(spot.foot_m)
+                bases_m.append(spot.base_m)
                 arm_m = -network.lanes[exit_.through].kerb_side * ARM_M
                 make = partial(cantilever, arm_m, *names, low_m=spot.rise_m)
                 spot.put(props, ("cantilever", arm_m, *names, spot.rise_m), make)
         for distance in MARKERS_M:
             spot = place.beside(exit_, distance, SMALL_M)
             if spot is not None:
-                feet.append(spot.foot_m)
+                bases_m.append(spot.base_m)
                 stripes = round(distance / 100.0)
                 spot.put(props, ("countdown", stripes), partial(countdown_marker, stripes))
         gore = place.in_gore(exit_)
         if gore is not None:
-            feet.append(gore.foot_m)
+            bases_m.append(gore.base_m)
             gore.put(props, ("gore sign", names[1]), partial(verge_sign, names[1], width_m=GORE_BOARD_M))
-    return np.array(feet).reshape(-1, 3)
+    return np.array(bases_m).reshape(-1, 3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Spot:
-    """Where a sign stands."""
+    """A place where a sign stands."""
 
-    foot_m: Array
+    base_m: Array
     """Its foot [m], shape (3,)."""
     yaw_rad: float
     """Where its face looks [rad]."""
@@ -132,7 +132,7 @@ class _Spot:
     """Height of the road above the foot, to a decimetre [m]."""
 
     def put(self, props: PropField, key: Hashable, make: Callable[[], Mesh]) -> None:
-        props.put(key, make, self.foot_m[None], self.yaw_rad)
+        props.put(key, make, self.base_m[None], self.yaw_rad)
 
 
 class _Placer:
@@ -161,15 +161,15 @@ class _Placer:
             if not off.any():
                 continue
             edge = line[np.argmax(off)] - 0.5 * _STEP_M * kerb
-            foot = edge + away_m * kerb
-            z = float(self._floor(foot[None])[0])
-            if self._is_free(foot, away_m) and abs(at[2] - z) < LIFT_M:
+            base_m = edge + away_m * kerb
+            z = float(self._floor(base_m[None])[0])
+            if self._is_free(base_m, away_m) and abs(at[2] - z) < LIFT_M:
                 rise = max(round(float(at[2]) - z, 1), 0.0)
-                return _Spot(foot_m=np.append(foot, z - 0.05), yaw_rad=heading + np.pi, rise_m=rise)
-            foot = edge + 0.5 * WALL_M * kerb
-            if away_m < LARGE_M and self._is_on_parapet(foot):
+                return _Spot(base_m=np.append(base_m, z - 0.05), yaw_rad=heading + np.pi, rise_m=rise)
+            base_m = edge + 0.5 * WALL_M * kerb
+            if away_m < LARGE_M and self._is_on_parapet(base_m):
                 top = float(at[2]) + PARAPET_M - 0.02
-                return _Spot(foot_m=np.append(foot, top), yaw_rad=heading + np.pi, rise_m=-PARAPET_M)
+                return _Spot(base_m=np.append(base_m, top), yaw_rad=heading + np.pi, rise_m=-PARAPET_M)
         return None
 
     def in_gore(self, exit_: Exit) -> _Spot | None:
@@ -190,20 +190,20 @@ class _Placer:
                 if free.any():
                     row = int(np.argmax(free))
                     yaw = float(pose.heading_rad[row]) + np.pi
-                    return _Spot(foot_m=np.append(xy[row], z[row] - 0.05), yaw_rad=yaw)
+                    return _Spot(base_m=np.append(xy[row], z[row] - 0.05), yaw_rad=yaw)
             if not info.successors:
                 return None
             lane = info.successors[0]
         return None
 
-    def _is_free(self, foot: Array, away_m: float) -> bool:
-        point = shapely.points(foot)
+    def _is_free(self, base_m: Array, away_m: float) -> bool:
+        point = shapely.points(base_m)
         if shapely.distance(self._overhead, point) < 1.0 or shapely.distance(self._blocked, point) < 1.0:
             return False
         return bool(shapely.distance(self._paved, point) > min(0.8 * away_m, 2.5))
 
-    def _is_on_parapet(self, foot: Array) -> bool:
-        point = shapely.points(foot)
+    def _is_on_parapet(self, base_m: Array) -> bool:
+        point = shapely.points(base_m)
         return bool(
             shapely.distance(self._rim, point) < RIM_M and shapely.distance(self._blocked, point) > 0.5
         )
@@ -237,11 +237,11 @@ def _alongside(network: LaneNetwork, lane: Lane) -> list[int]:
     first = lane
     while first.left is not None:
         first = network.lanes[first.left]
-    found = list(first.successors)
+    successors = list(first.successors)
     while first.right is not None:
         first = network.lanes[first.right]
-        found += first.successors
-    return found
+        successors += first.successors
+    return successors
 
 
 def _at_kerb(network: LaneNetwork, lane: Lane) -> Lane:

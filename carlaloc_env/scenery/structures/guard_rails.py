@@ -1,9 +1,4 @@
-"""Rails, reflecting posts and fences along fast roads.
-
-Steel rails beside fast roads and embankments, and concrete barriers on medians.
-
-Wire fences along motorways and fast country roads, which keep animals off them.
-"""
+"""Steel rails beside fast roads and embankments, and concrete barriers on medians."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,17 +7,17 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.core import elementary
 from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.polylines import distance_along, interpolated, right_of
-from carlaloc_env.map.lanes.lanes import road_limit_mps
+from carlaloc_env.map.lanes.speed_limits import road_limit_mps
 from carlaloc_env.map.opendrive.records import Road
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_graph import runs
-from carlaloc_env.scenery.ground.grade_levels import RoadEdge, State, Waysides
+from carlaloc_env.scenery.ground.grade_levels import State
 from carlaloc_env.scenery.ground.lane_strips import Strip
+from carlaloc_env.scenery.ground.road_edges import Waysides
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, box_quads
 
 FAST_MPS = 75.0 / 3.6
@@ -112,13 +107,13 @@ def add_medians(
 
 def median_edges(strip: Strip) -> list[tuple[Array, Array]]:
     """Left and right edge (N, 3) of every run of median lanes, a point per metre."""
-    found = []
+    edges = []
     kinds = np.array([strip.kind(lane) == "median" for lane in range(len(strip.lanes))])
     s = np.linspace(strip.s_m[0], strip.s_m[-1], max(2, int(np.ptp(strip.s_m)) + 1))
     for first, last in runs(kinds):
         ends = strip.lane_edges(first)[0], strip.lane_edges(last - 1)[1]
-        found.append((interpolated(s, strip.s_m, ends[0]), interpolated(s, strip.s_m, ends[1])))
-    return found
+        edges.append((interpolated(s, strip.s_m, ends[0]), interpolated(s, strip.s_m, ends[1])))
+    return edges
 
 
 def _rail(out: MeshBuilder, solid: MeshBuilder, foot: Array, away: Array, *, fast: bool) -> None:
@@ -196,154 +191,3 @@ def _even(count: int, step: float) -> NDArray[np.int64]:
     """First, last and about every `step`-th row."""
     number = max(2, int(np.ceil((count - 1) / step)) + 1)
     return np.unique(np.rint(np.linspace(0, count - 1, number)).astype(np.int64))
-
-
-SPACING_M = ((20.0, 3.0), (50.0, 5.0), (100.0, 10.0), (300.0, 20.0), (600.0, 50.0))
-"""Radius of a bend and the distance of posts in it [m], after the German notes on delineators (HLB); the last
-distance holds on straights."""
-AWAY_M = 0.95
-"""Distance from the road's edge, behind any rail [m]."""
-ZONES = ("rural", "highway")
-"""Zones whose roads have them."""
-SMOOTH_M = 21
-"""Length over which a bend's radius is taken [m]."""
-
-
-def delineator_feet(ways: Waysides, paved: Area) -> tuple[Array, Array]:
-    """Feet (N, 3) [m] of posts, and the direction of the traffic on their side [rad].
-
-    Both sides of a road have them; of a road of one direction the kerb side alone. Their distances go on
-    from one section of a road to the next.
-
-    Args:
-        ways: The ground beside the roads.
-        paved: Everything paved or built, on which none stands.
-    """
-    country = ways.zones.area(*ZONES)
-    for area in (country, paved):
-        shapely.prepare(area)
-    feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
-    passed: dict[tuple[int, bool], float] = {}
-    for edge in _in_driving_order(ways.edges):
-        key = edge.strip.road, edge.name.endswith("right")
-        count = passed.get(key, 0.5) + np.concatenate([[0.0], np.cumsum(1.0 / spacing_m(edge.line_m))])
-        passed[key] = float(count[-1])
-        if edge.sidewalk or against_traffic(edge):
-            continue
-        rows = np.flatnonzero(np.diff(np.floor(count)) > 0)
-        xy = edge.line_m[rows, :2] + AWAY_M * edge.right[rows]
-        free = shapely.distance(paved, shapely.points(xy)) > 0.6 * AWAY_M
-        free &= shapely.contains_xy(country, xy[:, 0], xy[:, 1]) & (edge.state[rows] == State.GROUND)
-        rows, xy = rows[free], xy[free]
-        if len(rows):
-            feet.append(np.column_stack([xy, ways.ground.height(xy) - 0.05]))
-            traffic = edge.traffic[rows]
-            yaws.append(elementary.arctan2(traffic[:, 1], traffic[:, 0]))
-    return np.concatenate(feet), np.concatenate(yaws)
-
-
-def spacing_m(line_m: Array) -> Array:
-    """Distance of posts [m] at every metre of a line (N, 3) with a point per metre, shape (N − 1,)."""
-    step = np.diff(line_m[:, :2], axis=0)
-    turn = np.diff(np.unwrap(elementary.arctan2(step[:, 1], step[:, 0])))
-    if len(turn) < 3:
-        return np.full(len(step), SPACING_M[-1][1])
-    width = min(SMOOTH_M, len(turn))
-    curvature = np.abs(elementary.convolve(turn, np.ones(width) / width, mode="same"))
-    curvature = np.concatenate([curvature[:1], curvature])
-    radius, distance = np.array(SPACING_M).T
-    found: Array = np.interp(1.0 / np.maximum(curvature, 1e-9), radius, distance)
-    return found
-
-
-def against_traffic(edge: RoadEdge) -> bool:
-    """Whether the road is of one direction and the edge lies at its median or gore, not at its kerb."""
-    strip = edge.strip
-    forward = {strip.forward(k) for k, lane in enumerate(strip.lanes) if lane.type == "driving"}
-    on_left = edge.name.endswith("left")
-    return len(forward) == 1 and (on_left == forward.pop()) != strip.left_hand_traffic
-
-
-def _in_driving_order(edges: Sequence[RoadEdge]) -> list[RoadEdge]:
-    """Sections of each road in the order in which the edge's line meets them."""
-
-    def place(edge: RoadEdge) -> tuple[int, bool, int]:
-        left = edge.name.endswith("left")
-        return edge.strip.road, left, -edge.strip.section if left else edge.strip.section
-
-    return sorted(edges, key=place)
-
-
-FENCED_MPS = 69.0 / 3.6
-"""Roads with this limit or a higher one are fenced [m/s]."""
-FENCE_AWAY_M, CLEAR_M = 9.0, 6.0
-"""Distance of a fence from its road's edge, and the least from anything else that is paved [m]."""
-POST_STEP_M = 4
-"""Distance of its posts [m]."""
-LEAST_M = 16
-"""Shorter pieces are left out [m]."""
-POST_M, POST_HALF_M = 1.45, 0.05
-"""Height of a post, and half its side [m]."""
-WIRES_M = (0.30, 0.65, 1.00, 1.35)
-"""Heights of the wires [m]."""
-WIRE_HALF_M = 0.014
-"""Half the height of a wire, a woven band as pastures have them [m]."""
-FENCED_ZONES = ("highway", "rural")
-"""Zones whose fast roads are fenced."""
-
-
-def add_wire_fences(out: MeshBuilder, solid: MeshBuilder, ways: Waysides, blocked: Area) -> Area:
-    """Fences along all fast roads in open country; gives the ground that they take.
-
-    Args:
-        out: What is seen.
-        solid: What is hit.
-        ways: The ground beside the roads.
-        blocked: Everything paved, built or reserved.
-    """
-    country = ways.zones.area(*FENCED_ZONES)
-    shapely.prepare(country)
-    shapely.prepare(blocked)
-    lines = [
-        line
-        for edge in ways.edges
-        if edge.limit_mps >= FENCED_MPS and not edge.sidewalk
-        for line in _free_lines(edge, country, blocked)
-    ]
-    for line in lines:
-        foot = np.column_stack([line, ways.ground.height(line)])
-        _fence_posts(out, foot)
-        _wires(out, foot)
-        top = foot + np.array([0.0, 0.0, POST_M])
-        walls = np.stack([foot[:-1], foot[1:], top[1:], top[:-1]], axis=1)
-        solid.quads(np.concatenate([walls, walls[:, ::-1]]), material=Material.PLAIN, tag=Tag.FENCE)
-    return shapely.union_all([shapely.LineString(line).buffer(0.8) for line in lines])
-
-
-def _free_lines(edge: RoadEdge, country: Area, blocked: Area) -> list[Array]:
-    """Lines (N, 2) beside an edge, a point per post, where nothing is in the way."""
-    # The last point is where the next section of the road begins.
-    rows = np.unique(np.append(np.arange(0, len(edge.line_m), POST_STEP_M), len(edge.line_m) - 1))
-    xy = edge.line_m[rows, :2] + FENCE_AWAY_M * edge.right[rows]
-    free = shapely.contains_xy(country, xy[:, 0], xy[:, 1])
-    free &= (edge.state[rows] == State.GROUND) | (edge.state[rows] == State.BANK)
-    free &= ~shapely.dwithin(blocked, shapely.points(xy), CLEAR_M)
-    return [xy[a:b] for a, b in runs(free) if (b - a - 1) * POST_STEP_M >= LEAST_M]
-
-
-def _fence_posts(out: MeshBuilder, foot: Array) -> None:
-    low = foot - np.array([POST_HALF_M, POST_HALF_M, 0.3])
-    high = foot + np.array([POST_HALF_M, POST_HALF_M, POST_M])
-    out.quads(box_quads(low, high), material=Material.WOOD, tag=Tag.FENCE, colour=(205, 198, 186))
-
-
-def _wires(out: MeshBuilder, foot: Array) -> None:
-    """Bands seen from both sides."""
-    faces = []
-    for height in WIRES_M:
-        low = foot + np.array([0.0, 0.0, height - WIRE_HALF_M])
-        high = foot + np.array([0.0, 0.0, height + WIRE_HALF_M])
-        faces.append(np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1))
-    front = np.concatenate(faces)
-    both = np.concatenate([front, front[:, ::-1]])
-    out.quads(both, material=Material.METAL_GALVANISED, tag=Tag.FENCE, colour=(150, 152, 154))

@@ -11,19 +11,14 @@ from carlaloc_env.assets.plants import bale, maize, stalks
 from carlaloc_env.assets.posts_and_fences import fence_panel
 from carlaloc_env.assets.trees import DETAILS, tree
 from carlaloc_env.core import clock, elementary
-from carlaloc_env.core.areas import (
-    Area,
-    areas_only,
-    polygons_of,
-    rings,
-)
+from carlaloc_env.core.areas import Area, areas_only, polygons_of, rings
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scenery.ground.terrain import Land
-from carlaloc_env.scenery.meshing.batches import PropField
+from carlaloc_env.scenery.ground.land import Land
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, extrude
+from carlaloc_env.scenery.meshing.props import PropField
 from carlaloc_env.scenery.meshing.triangulation import triangulate
 from carlaloc_env.scenery.vegetation.planting import PROTOTYPES, put_bushes, tree_detail
 
@@ -120,18 +115,18 @@ def _cut(land: Land, part: Area, draw: np.random.Generator, before: Sequence[Plo
     )
     local = elementary.matrix_product(box - box[0], axes.T)
     low, high = local.min(axis=0), local.max(axis=0)
-    found: list[Plot] = []
+    plots: list[Plot] = []
     for x0, y0, x1, y1 in _split(low, high, draw):
         corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
         corners = corners + np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * TRACK_M / 2
         whole = shapely.intersection(shapely.Polygon(elementary.matrix_product(corners, axes) + box[0]), part)
         rows = turn if x1 - x0 > y1 - y0 else turn + np.pi / 2
         for area in _free_parts(land, whole):
-            near = {p.kind for p in [*before, *found] if shapely.dwithin(p.area, area, 2 * VERGE_M + 14.0)}
+            near = {p.kind for p in [*before, *plots] if shapely.dwithin(p.area, area, 2 * VERGE_M + 14.0)}
             choice = [k for k in KINDS if k not in near] or list(KINDS)
             kind = choice[int(draw.integers(len(choice)))]
-            found.append(Plot(kind=kind, area=area, turn_rad=rows))
-    return found
+            plots.append(Plot(kind=kind, area=area, turn_rad=rows))
+    return plots
 
 
 def _split(low: Array, high: Array, draw: np.random.Generator) -> list[tuple[float, float, float, float]]:
@@ -240,8 +235,8 @@ def _orchard(props: PropField, land: Land, plot: Plot, draw: np.random.Generator
         for level, word in enumerate(DETAILS):
             rows = (variant == v) & (detail == level)
             make = partial(tree, "orchard", v, word)
-            feet = land.on_ground(xy[rows], -0.05)
-            props.put(("tree orchard", v, word), make, feet, yaw[rows], 0.95, tint[rows])
+            bases_m = land.on_ground(xy[rows], -0.05)
+            props.put(("tree orchard", v, word), make, bases_m, yaw[rows], 0.95, tint[rows])
 
 
 def _rows(plot: Plot, across_m: float, along_m: float) -> Array:

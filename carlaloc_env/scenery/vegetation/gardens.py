@@ -1,9 +1,6 @@
-"""Front gardens: fences and low walls along the sidewalk, paths to the doors, drives, flower beds.
+"""Front gardens: fences and low walls along the sidewalk, paths to the doors, drives, flower beds."""
 
-Everything that lies or grows between roads and buildings, by zone.
-"""
-
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -16,12 +13,9 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import Lot
-from carlaloc_env.scenery.ground.terrain import Land
-from carlaloc_env.scenery.meshing.batches import PropField
+from carlaloc_env.scenery.ground.land import Land
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.scenery.vegetation.farmland import add_plots, lay_plots
-from carlaloc_env.scenery.vegetation.planting import line_waterfront, plant
-from carlaloc_env.scenery.vegetation.verges import line_highways
+from carlaloc_env.scenery.meshing.props import PropField
 
 LEAST_M = 2.0
 """Gardens less deep than this have no fence [m]."""
@@ -131,29 +125,3 @@ class _Garden:
             rows = kind == k
             make = partial(shrub, k, "low", tint)
             props.put(("bed", k), make, self._land.on_ground(xy[rows], -0.05), yaw[rows], scale[rows])
-
-
-def dress_land(
-    raised: MeshBuilder, cover: MeshBuilder, solid: MeshBuilder, land: Land, lots: Sequence[Lot]
-) -> PropField:
-    """Fields, waysides, promenades, gardens and plants.
-
-    Args:
-        raised: Takes ground that carries cars.
-        cover: Takes what is seen but gives way, such as crops.
-        solid: Takes what is hit.
-        land: The town's land.
-        lots: Its buildings.
-    """
-    props = PropField()
-    line_highways(raised, solid, props, land)
-    line_waterfront(props, land)
-    add_gardens(cover, props, land, lots)
-    fields = add_plots(cover, props, land, lay_plots(land))
-    plant(land, props, fields)
-    return props
-
-
-def is_tree(key: Hashable) -> bool:
-    """Whether a prop is a tree, whose trunk is solid."""
-    return isinstance(key, tuple) and str(key[0]).startswith("tree ")

@@ -11,9 +11,9 @@ from carlaloc_env.core.polylines import densify
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import frontages
-from carlaloc_env.scenery.ground.terrain import Land
-from carlaloc_env.scenery.meshing.batches import PropField
+from carlaloc_env.scenery.ground.land import Land
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, extrude
+from carlaloc_env.scenery.meshing.props import PropField
 from carlaloc_env.scenery.vegetation.planting import put_bushes, put_trees, rights
 
 STRETCH_M = (70.0, 190.0)
@@ -84,14 +84,14 @@ def _barrier(
     material, tint = _WALLS[int(draw.integers(len(_WALLS)))]
     rows = np.arange(0, len(line), int(PANEL_M))
     xy = line[rows, :2] + right[rows] * BARRIER_M
-    feet = land.on_ground(xy)
+    bases_m = land.on_ground(xy)
     middle = (xy[:-1] + xy[1:]) / 2
     clear = land.taken.distance_m(np.concatenate([xy, middle])) > 2.4
     good = clear[: len(xy) - 1] & clear[1 : len(xy)] & clear[len(xy) :]
     length = np.sqrt(np.sum(np.diff(xy, axis=0) ** 2, axis=1))
     good &= (length > 1.5) & (length < 2.0 * PANEL_M)
     for k in np.flatnonzero(good):
-        pair = feet[k : k + 2]
+        pair = bases_m[k : k + 2]
         normal = right[rows[k]] * 0.08
         shade = tuple(int(v * draw.uniform(0.86, 1.0)) for v in tint)
         for side, order in ((-normal, slice(None)), (normal, slice(None, None, -1))):
@@ -110,14 +110,14 @@ def _barrier(
         _post(out, pair[0], right[rows[k]])
 
 
-def _post(out: MeshBuilder, foot: Array, right: Array) -> None:
+def _post(out: MeshBuilder, base_m: Array, right: Array) -> None:
     along = np.array([-right[1], right[0]])
     ring = [right * a + along * b for a, b in ((-0.16, -0.12), (-0.16, 0.12), (0.16, 0.12), (0.16, -0.12))]
-    xy = foot[:2] + np.array(ring)
+    xy = base_m[:2] + np.array(ring)
     area2 = np.sum(xy[:, 0] * np.roll(xy[:, 1], -1) - xy[:, 1] * np.roll(xy[:, 0], -1))
     xy = xy if area2 > 0 else xy[::-1]
-    low = np.column_stack([xy, np.full(4, foot[2] - 0.3)])
-    high = np.column_stack([xy, np.full(4, foot[2] + HIGH_M + 0.12)])
+    low = np.column_stack([xy, np.full(4, base_m[2] - 0.3)])
+    high = np.column_stack([xy, np.full(4, base_m[2] + HIGH_M + 0.12)])
     faces = np.stack([low, np.roll(low, -1, 0), np.roll(high, -1, 0), high], axis=1)
     out.quads(np.concatenate([faces, high[None]]), material=Material.METAL_GALVANISED, tag=Tag.WALL)
 
@@ -146,10 +146,12 @@ def _bank(out: MeshBuilder, land: Land, line: Array, right: Array, draw: np.rand
         return np.zeros((0, 3))
     out.grid(points, material=Material.GRASS, tag=Tag.TERRAIN, colour=(235, 235, 205))
     picks = draw.integers(0, len(rows), len(rows)), draw.uniform(5.0, 13.0, len(rows))
-    foot = line[rows[picks[0]], :2] + right[rows[picks[0]]] * picks[1][:, None]
+    base_m = line[rows[picks[0]], :2] + right[rows[picks[0]]] * picks[1][:, None]
     level = np.interp(picks[1], offsets, heights) * grow[picks[0]] * wave[picks[0]]
     ok = grow[picks[0]] > 0.5
-    return np.asarray(land.on_ground(foot[ok]) + np.column_stack([np.zeros((ok.sum(), 2)), level[ok] - 0.1]))
+    return np.asarray(
+        land.on_ground(base_m[ok]) + np.column_stack([np.zeros((ok.sum(), 2)), level[ok] - 0.1])
+    )
 
 
 def _board(
@@ -165,13 +167,13 @@ def _board(
     """At most one billboard on a stretch, turned towards those who come."""
     row = len(line) // 2
     away = right[row]
-    foot = land.on_ground((line[row, :2] + away * float(draw.uniform(13.0, 17.0)))[None])[0]
-    if land.taken.distance_m(foot[None, :2])[0] < 6.0 or draw.random() < 0.35:
+    base_m = land.on_ground((line[row, :2] + away * float(draw.uniform(13.0, 17.0)))[None])[0]
+    if land.taken.distance_m(base_m[None, :2])[0] < 6.0 or draw.random() < 0.35:
         return
-    if any(np.hypot(*(foot - other)[:2]) < BILLBOARD_STEP_M for other in boards):
+    if any(np.hypot(*(base_m - other)[:2]) < BILLBOARD_STEP_M for other in boards):
         return
-    boards.append(foot)
+    boards.append(base_m)
     # Traffic on the right comes along the line, whose free side is on its right; on the left, against it.
     yaw = elementary.arctan2(-away[1], -away[0]) + (-0.9 if left_hand_traffic else 0.9)
     variant = int(draw.integers(0, 8))
-    props.put(("billboard", variant), partial(billboard, variant), foot[None], yaw)
+    props.put(("billboard", variant), partial(billboard, variant), base_m[None], yaw)

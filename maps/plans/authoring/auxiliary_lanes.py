@@ -56,8 +56,8 @@ class _Span:
     def cuts(self) -> list[float]:
         """Stations at which the road needs a new section."""
         taper = self.lane.taper_m
-        found = [self.begin, self.begin + taper] if self.opens else []
-        return found + ([self.end - taper, self.end] if self.closes else [])
+        opening = [self.begin, self.begin + taper] if self.opens else []
+        return opening + ([self.end - taper, self.end] if self.closes else [])
 
     def width(self, s: float, length: float) -> Records | None:
         """Width records of a section; None where the lane does not exist."""

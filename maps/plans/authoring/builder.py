@@ -103,9 +103,9 @@ class Builder:
         if node.control == "bulb":
             self.roads.append(self._bulb(node, part, legs[0]))
             return
-        roads, found = build_junction(part, legs, self.numbers, node.plane, no_left=node.no_left)
+        roads, movements = build_junction(part, legs, self.numbers, node.plane, no_left=node.no_left)
         self.roads += roads + self._u_turns(node, part, legs)
-        self._furnish(node, part, legs, found)
+        self._furnish(node, part, legs, movements)
 
     def _roundabout(self, node: Node, shape: RoundaboutShape, legs: Sequence[Leg]) -> None:
         centre = (node.x, node.y)
@@ -141,10 +141,10 @@ class Builder:
         return roads
 
     def _furnish(
-        self, node: Node, part: JunctionPart, legs: Sequence[Leg], found: Sequence[Movement]
+        self, node: Node, part: JunctionPart, legs: Sequence[Leg], movements: Sequence[Movement]
     ) -> None:
         lights = node.control in ("signals", "split", "walkers")
-        minor = _minor(node, legs, found)
+        minor = _minor(node, legs, movements)
         marks = []
         for i, leg in enumerate(legs):
             stops = lights or i in minor
@@ -159,7 +159,7 @@ class Builder:
         for i in minor if not lights else ():
             code = junction_furniture.YIELD if node.control == "yield" else junction_furniture.STOP
             junction_furniture.sign_leg(legs[i], self.numbers, marks[i], code)
-        junction_furniture.paint_arrows(legs, found, self.numbers, 8.0)
+        junction_furniture.paint_arrows(legs, movements, self.numbers, 8.0)
 
 
 def _join(legs: Sequence[Leg], junctions: Sequence[int]) -> None:
@@ -171,7 +171,7 @@ def _join(legs: Sequence[Leg], junctions: Sequence[int]) -> None:
             leg.road.predecessor = link
 
 
-def _minor(node: Node, legs: Sequence[Leg], found: Sequence[Movement]) -> list[int]:
+def _minor(node: Node, legs: Sequence[Leg], movements: Sequence[Movement]) -> list[int]:
     """Legs that give way."""
     if node.control == "all_stop":
         return [i for i, leg in enumerate(legs) if leg.incoming]
@@ -183,5 +183,5 @@ def _minor(node: Node, legs: Sequence[Leg], found: Sequence[Movement]) -> list[i
             if name not in names:
                 raise PlanError(f"node '{node.name}' has no road '{name}': its roads are {', '.join(names)}")
         return [i for i, leg in enumerate(legs) if leg.road.street in node.minor]
-    ahead = {m.source for m in found if m.turn == "straight"}
+    ahead = {m.source for m in movements if m.turn == "straight"}
     return [i for i, leg in enumerate(legs) if i not in ahead and leg.incoming]

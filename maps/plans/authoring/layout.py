@@ -85,11 +85,11 @@ def lay_out(plan: TownPlan) -> list[Laid]:
     for road in _in_order(plan, gores):
         first, last = trims[road.name]
         path = axes[road.name].trimmed(first, last).settled()
-        found = Laid(road, axes[road.name], path, first, ends=ends[road.name])
+        road_laid = Laid(road, axes[road.name], path, first, ends=ends[road.name])
         levels = [_level(name, laid, gores) for name in (road.a, road.b)]
-        found.elevation, found.bottom_m = _elevation(plan, found, levels[0], levels[1])
-        found.tilt = _tilt(plan, found)
-        laid[road.name] = found
+        road_laid.elevation, road_laid.bottom_m = _elevation(plan, road_laid, levels[0], levels[1])
+        road_laid.tilt = _tilt(plan, road_laid)
+        laid[road.name] = road_laid
     return [laid[road.name] for road in plan.roads]
 
 
@@ -271,8 +271,8 @@ def nearest(path: Path, points: Sequence[tuple[float, float]], step_m: float = 1
     """Stations of a path that lie nearest to points, to within `step_m`."""
     count = max(2, int(path.length / step_m))
     poses = [path.at(path.length * k / count) for k in range(count + 1)]
-    found = []
+    stations = []
     for x, y in points:
         k = min(range(count + 1), key=lambda k: (poses[k].x - x) ** 2 + (poses[k].y - y) ** 2)
-        found.append(path.length * k / count)
-    return found
+        stations.append(path.length * k / count)
+    return stations

@@ -14,7 +14,7 @@ from .roundabouts import RoundaboutShape
 
 @dataclass(slots=True, kw_only=True)
 class Node:
-    """Where roads meet."""
+    """A place where roads meet."""
 
     name: str
     x: float

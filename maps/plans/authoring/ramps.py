@@ -30,7 +30,7 @@ NOSE_GAP_M = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gore:
-    """What exits and merges have in common."""
+    """Fields that exits and merges have in common."""
 
     name: str
     at_m: float
@@ -70,12 +70,12 @@ class Gore:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exit(Gore):
-    """A ramp leaves."""
+    """A gore at which a ramp leaves the road."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Merge(Gore):
-    """A ramp joins."""
+    """A gore at which a ramp joins the road."""
 
     merges: ClassVar[bool] = True
 

@@ -72,12 +72,12 @@ def _spans(laid: Laid) -> list[tuple[Gore | None, Gore | None, float, float]]:
     if laid.road.closed:
         befores, firsts = [gores[-1], *gores[:-1]], [highs[-1] - length, *highs[:-1]]
         afters, lasts = [*gores], lows
-    found = list(zip(befores, afters, firsts, lasts, strict=True))
-    for _, after, first, last in found:
+    spans = list(zip(befores, afters, firsts, lasts, strict=True))
+    for _, after, first, last in spans:
         if last - first < 1.0:
             name = laid.road.name if after is None else after.name
             raise PlanError(f"road '{laid.road.name}': no room before '{name}' ({last - first:.1f} m)")
-    return found
+    return spans
 
 
 def _piece(laid: Laid, first: float, last: float) -> tuple[Path, list[Record], list[Record]]:

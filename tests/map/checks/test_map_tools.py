@@ -15,7 +15,8 @@ from shared_fixtures.worlds.towns import network_at
 
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
+from carlaloc_env.map.routing.route import Route
 
 MAPS = sorted((pathlib.Path(__file__).parents[3] / "maps").glob("*/town.xodr"))
 PAPER_LENGTH_M = {

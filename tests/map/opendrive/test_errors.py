@@ -8,7 +8,7 @@ import pytest
 from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.map import sources
+from carlaloc_env.map import map_text
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.opendrive.reader import read_opendrive
 
@@ -127,7 +127,7 @@ def test_entity_bombs_are_refused_at_once() -> None:
 
 
 def test_file_above_the_limit_is_refused(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sources, "FILE_LIMIT_BYTES", 1 << 20)
+    monkeypatch.setattr(map_text, "FILE_LIMIT_BYTES", 1 << 20)
     large = tmp_path / "large.xodr"
     large.write_bytes(b"<OpenDRIVE>" + b" " * (1 << 20) + b"</OpenDRIVE>")
     with pytest.raises(MapError, match="larger than 1 MB"):

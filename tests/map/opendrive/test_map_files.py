@@ -7,7 +7,7 @@ import pytest
 from shared_fixtures.worlds.ring_maps import joined_map, ring_map
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.map import sources
+from carlaloc_env.map import map_text
 from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.map.sources import identify_town
 
@@ -89,7 +89,7 @@ def test_packed_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         assert identify_town(path).name == "ring"
     with pytest.raises(MapError, match="ends early"):
         read_opendrive(gzip.compress(ring_map().encode())[:-40])
-    monkeypatch.setattr(sources, "FILE_LIMIT_BYTES", 1 << 20)
+    monkeypatch.setattr(map_text, "FILE_LIMIT_BYTES", 1 << 20)
     with pytest.raises(MapError, match="larger than 1 MB"):
         read_opendrive(gzip.compress(b" " * (1 << 24)))
 

@@ -9,8 +9,9 @@ from shared_fixtures.worlds.maps import CROSSING, MAPS
 from shared_fixtures.worlds.ring_maps import LANE, lane, ring_map
 
 from carlaloc_env.map.checks.report import grouped
-from carlaloc_env.map.opendrive.reader import known_elements, read_opendrive
+from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.map.opendrive.records import Note
+from carlaloc_env.map.opendrive.unread_elements import element_table
 
 TEXT = CROSSING.read_text(encoding="utf-8")
 ROAD = "<planView>"
@@ -153,7 +154,7 @@ def test_whole_towns_hold_nothing_unread(path: Path) -> None:
 
 
 def test_the_table_gives_each_attribute_one_meaning() -> None:
-    table = known_elements()
+    table = element_table()
     for name, entry in table.items():
         places = [*entry.get("read", "").split(), *entry.get("other", "").split(), *entry.get("unread", {})]
         assert len(places) == len(set(places)), name

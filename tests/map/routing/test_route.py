@@ -15,7 +15,8 @@ from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.map.lanes.build_network import build_network
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
+from carlaloc_env.map.routing.route import Route
 
 STRAIGHT = (
     '<OpenDRIVE><header revMajor="1" revMinor="7"/><road id="1" length="200" junction="-1"><planView>'

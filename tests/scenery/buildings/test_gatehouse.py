@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.map.config import Feature, TownConfig
 from carlaloc_env.map.lanes.build_network import build_network
-from carlaloc_env.map.routing.route import plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.scenery.buildings.buildings import WING_CLEARANCE_M
-from carlaloc_env.scenery.street.site_plan import feature_lamps, feature_mesh, roofed_sites, sites
+from carlaloc_env.scenery.buildings.gatehouse import WING_CLEARANCE_M
+from carlaloc_env.scenery.street.features import feature_lamps, feature_mesh, roofed_sites, sites
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
 

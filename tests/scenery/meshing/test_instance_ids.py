@@ -4,7 +4,7 @@ import pytest
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.scene.mesh import EGO_INSTANCE
-from carlaloc_env.scenery.meshing.batches import InstanceIds
+from carlaloc_env.scenery.meshing.props import InstanceIds
 
 
 def test_ids_follow_each_other_and_none_comes_twice() -> None:

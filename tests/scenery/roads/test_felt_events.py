@@ -6,7 +6,7 @@ from shared_fixtures.worlds.small_towns import Built, cast
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scenery.roads.road_classes import HEIGHT_M
+from carlaloc_env.scenery.roads.road_events import HEIGHT_M
 
 o3d = pytest.importorskip("open3d")
 

@@ -14,9 +14,9 @@ from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scenery.ground.lane_strips import Strip, road_strips
 from carlaloc_env.scenery.ground.terrain import zone_areas
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.scenery.roads.junction_surfaces import casting_ends
-from carlaloc_env.scenery.roads.junction_wear import SLAB_M, add_sidewalk_wear
+from carlaloc_env.scenery.roads.lane_surfaces import casting_ends
 from carlaloc_env.scenery.roads.road_wear import add_road_details
+from carlaloc_env.scenery.roads.sidewalk_wear import SLAB_M, add_sidewalk_wear
 from carlaloc_env.scenery.street.street_furniture import Furnisher
 
 MAPS = pathlib.Path(__file__).parents[3] / "maps"
@@ -47,11 +47,11 @@ def furnished(name: str) -> tuple[Furnisher, list[Strip], LaneNetwork]:
 @pytest.mark.parametrize("name", WANTED)
 def test_sidewalks_carry_what_they_should(name: str) -> None:
     furnisher, _, _ = furnished(name)
-    names = {key[0] for key in furnisher.placed.feet}
+    names = {key[0] for key in furnisher.placed.bases_m}
     assert names >= WANTED[name]
     assert len({kind for kind in names if kind.startswith("tree ")}) >= 2
-    for key, feet in furnisher.placed.feet.items():
-        assert len(feet) == len(furnisher.placed.yaws[key])
+    for key, bases_m in furnisher.placed.bases_m.items():
+        assert len(bases_m) == len(furnisher.placed.yaws[key])
 
 
 def test_roads_have_their_history_and_no_more() -> None:

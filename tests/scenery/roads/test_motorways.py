@@ -10,8 +10,8 @@ from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scenery.ground.lane_strips import Strip, road_strips
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.scenery.roads.junction_surfaces import add_roads
-from carlaloc_env.scenery.roads.road_classes import is_fast
+from carlaloc_env.scenery.roads.fast_roads import is_fast
+from carlaloc_env.scenery.roads.lane_surfaces import add_roads
 from carlaloc_env.scenery.roads.road_wear import add_road_details
 
 MAPS = pathlib.Path(__file__).parents[3] / "maps"

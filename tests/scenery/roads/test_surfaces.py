@@ -12,7 +12,7 @@ from carlaloc_env.core.areas import strip_polygon
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.lane_strips import Strip, road_strips
-from carlaloc_env.scenery.roads.surfaces import gore_bars
+from carlaloc_env.scenery.roads.hatching import gore_bars
 
 
 def test_kerbs_drop_at_crosswalks(tmp_path: Path) -> None:

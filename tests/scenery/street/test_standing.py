@@ -12,9 +12,10 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import place_lots
+from carlaloc_env.scenery.ground.land import LAND_CELL_M, Raster
 from carlaloc_env.scenery.ground.lane_strips import road_strips
 from carlaloc_env.scenery.ground.paved_areas import town_areas
-from carlaloc_env.scenery.ground.terrain import LAND_CELL_M, Raster, zone_areas
+from carlaloc_env.scenery.ground.terrain import zone_areas
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 

@@ -16,8 +16,8 @@ from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.buildings.building_lots import Lot
 from carlaloc_env.scenery.ground.ground_plan import Groundwork, lay_groundwork
-from carlaloc_env.scenery.ground.terrain import Land, Raster
-from carlaloc_env.scenery.meshing.batches import InstanceIds, PropField
+from carlaloc_env.scenery.ground.land import Land, Raster
+from carlaloc_env.scenery.meshing.props import InstanceIds, PropField
 from carlaloc_env.scenery.street.site_plan import place_plots
 from carlaloc_env.scenery.street.street_greenery import POST_CLEAR_M, add_street_greenery
 
@@ -45,8 +45,8 @@ def planted(land: Land, lots: list[Lot], posts_m: Array) -> tuple[PropField, Mes
 def test_beds_lie_beside_the_roadway_away_from_posts(ground: tuple[Groundwork, Land, TownConfig]) -> None:
     work, land, _ = ground
     props, first = planted(land, [], np.zeros((0, 2)))
-    feet = props.feet_m(lambda key: True)
-    assert len(feet) > 100
+    bases_m = props.bases_m(lambda key: True)
+    assert len(bases_m) > 100
     roadway = shapely.union_all(
         [
             strip_polygon(strip.edges_m[lane], strip.edges_m[lane + 1])
@@ -59,9 +59,9 @@ def test_beds_lie_beside_the_roadway_away_from_posts(ground: tuple[Groundwork, L
     # One road crosses another on a bridge.
     assert inside.mean() < 0.02
     # Where posts stand at every third bed, none of these is left.
-    posts_m = feet[::3, :2]
-    kept = planted(land, [], posts_m)[0].feet_m(lambda key: True)
-    assert len(kept) < len(feet)
+    posts_m = bases_m[::3, :2]
+    kept = planted(land, [], posts_m)[0].bases_m(lambda key: True)
+    assert len(kept) < len(bases_m)
     reach = cKDTree(posts_m).query(kept[:, :2])[0]
     assert reach.min() > POST_CLEAR_M - 1.6
     assert set(np.unique(first.material)) == {Material.LEAF}

@@ -8,9 +8,9 @@ from shared_fixtures.worlds.towns import town_network
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.sources import find_town
-from carlaloc_env.scenery.ground.grade_levels import Waysides, road_edges
 from carlaloc_env.scenery.ground.ground_plan import Groundwork, lay_groundwork
-from carlaloc_env.scenery.structures.guard_rails import against_traffic, delineator_feet, spacing_m
+from carlaloc_env.scenery.ground.road_edges import Waysides, road_edges
+from carlaloc_env.scenery.structures.delineators import against_traffic, delineator_bases, spacing_m
 
 
 def arc(radius_m: float, length_m: float = 200.0) -> Array:
@@ -47,12 +47,12 @@ def test_along_the_motorway_they_stand_on_the_right_alone_as_far_apart_as_it_ben
     assert any(against_traffic(edge) for edge in edges)
     assert all(edge.name.endswith("right") for edge in edges if not against_traffic(edge))
     ways = Waysides(edges=edges, zones=work.zones, ground=work.ground, seed=0)
-    feet, yaws = delineator_feet(ways, work.areas.paved)
-    assert len(feet) > 60
-    assert shapely.distance(work.areas.paved, shapely.points(feet[:, :2])).min() > 0.5
-    gap = np.hypot(*np.diff(feet[:, :2], axis=0).T)
+    bases_m, yaws = delineator_bases(ways, work.areas.paved)
+    assert len(bases_m) > 60
+    assert shapely.distance(work.areas.paved, shapely.points(bases_m[:, :2])).min() > 0.5
+    gap = np.hypot(*np.diff(bases_m[:, :2], axis=0).T)
     # The lobes bend with about 145 m: 12 m on their line, more outside of it.
     assert 9.0 < np.median(gap[gap < 60.0]) < 16.0
-    own = town_network("Town04").nearest(feet)
+    own = town_network("Town04").nearest(bases_m)
     heading = town_network("Town04").pose(own.lane, own.station_m).heading_rad
     assert (np.cos(yaws - heading) > 0.9).mean() > 0.95

@@ -16,7 +16,7 @@ from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.sources import find_town
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scenery.ground.ground_plan import Groundwork, lay_groundwork
-from carlaloc_env.scenery.meshing.batches import InstanceIds, PropField
+from carlaloc_env.scenery.meshing.props import InstanceIds, PropField
 from carlaloc_env.scenery.structures.exit_signs import MARKERS_M, OVERHEAD_M, SHIFTS_M, add_exit_signs, exits
 
 NOTHING = shapely.Polygon()
@@ -33,10 +33,10 @@ def work() -> Groundwork:
 def placed(work: Groundwork) -> tuple[PropField, Array]:
     """Signs of Town04 and their feet."""
     props = PropField()
-    feet = add_exit_signs(
+    bases_m = add_exit_signs(
         props, town_network("Town04"), work.areas.paved, NOTHING, work.overhead, work.ground.height
     )
-    return props, feet
+    return props, bases_m
 
 
 def volume_m3(mesh: Mesh) -> float:
@@ -60,23 +60,23 @@ def test_each_exit_is_announced_where_the_rules_say(placed: tuple[PropField, Arr
     props, _ = placed
     network = town_network("Town04")
     for kind, distances in (("cantilever", OVERHEAD_M), ("countdown", MARKERS_M)):
-        feet = props.feet_m(lambda key, kind=kind: isinstance(key, tuple) and key[0] == kind)
+        bases_m = props.bases_m(lambda key, kind=kind: isinstance(key, tuple) and key[0] == kind)
         for way in exits(network):
             begin = network.pose([way.ramp], [0.0]).position_m[0]
-            direct = np.hypot(*(feet - begin)[:, :2].T)
+            direct = np.hypot(*(bases_m - begin)[:, :2].T)
             # Bends make the straight line shorter than the road.
             for distance in distances:
                 assert (direct < distance + max(SHIFTS_M) + 15.0).any()
-        assert len(feet) >= 0.7 * len(exits(network)) * len(distances)
-    nearest = np.hypot(*(feet[:, None] - _begins()[None])[..., :2].transpose(2, 0, 1)).min(axis=1)
+        assert len(bases_m) >= 0.7 * len(exits(network)) * len(distances)
+    nearest = np.hypot(*(bases_m[:, None] - _begins()[None])[..., :2].transpose(2, 0, 1)).min(axis=1)
     np.testing.assert_allclose(np.sort(nearest)[:4], 100.0, atol=15.0)
 
 
 def test_none_stands_on_anything_paved_or_in_the_way(
     placed: tuple[PropField, Array], work: Groundwork
 ) -> None:
-    props, feet = placed
-    ground = feet[np.abs(feet[:, 2] - work.ground.height(feet[:, :2])) < 0.3]
+    props, bases_m = placed
+    ground = bases_m[np.abs(bases_m[:, 2] - work.ground.height(bases_m[:, :2])) < 0.3]
     assert len(ground) > 15
     assert shapely.distance(work.areas.paved, shapely.points(ground[:, :2])).min() > 0.8
     inner = shapely.buffer(work.areas.paved, -0.2)
@@ -92,8 +92,8 @@ def test_faces_look_at_those_who_come(placed: tuple[PropField, Array]) -> None:
     props, _ = placed
     network = town_network("Town04")
     for places in props._places.values():
-        for feet, yaw, _, _ in places:
-            near = network.nearest(feet[:, :2])
+        for bases_m, yaw, _, _ in places:
+            near = network.nearest(bases_m[:, :2])
             heading = network.pose(near.lane, near.station_m).heading_rad
             assert (np.cos(yaw - heading) < -0.8).all()
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from carlaloc_env.scenery.structures.masts import catenary_m
+from carlaloc_env.scenery.structures.power_lines import catenary_m
 
 
 def test_wires_hang_as_catenaries() -> None:

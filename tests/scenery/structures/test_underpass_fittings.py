@@ -8,7 +8,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scenery.ground.grade_levels import Stretch
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.scenery.structures.underpasses import (
+from carlaloc_env.scenery.structures.underpass_fittings import (
     LAMP_ROWS,
     STATION_M,
     STATION_STEP_M,

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scenery.ground.grade_levels import RoadEdge, State, Waysides
+from carlaloc_env.scenery.ground.grade_levels import State
 from carlaloc_env.scenery.ground.height_fields import EdgeField, GroundGrid
+from carlaloc_env.scenery.ground.road_edges import RoadEdge, Waysides
 from carlaloc_env.scenery.ground.terrain import Terrain, Zones
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.scenery.structures.guard_rails import CLEAR_M, FENCE_AWAY_M, POST_M, add_wire_fences
+from carlaloc_env.scenery.structures.wire_fences import CLEAR_M, FENCE_AWAY_M, POST_M, add_wire_fences
 
 LENGTH = 200
 LINE = np.column_stack([np.arange(LENGTH + 1.0), np.zeros(LENGTH + 1), np.full(LENGTH + 1, 2.0)])

@@ -10,7 +10,8 @@ from benchmarks.traffic_audit import NOBODY
 from carlaloc_env.core import clock
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
-from carlaloc_env.map.routing.route import Route, plan_route
+from carlaloc_env.map.routing.plan_route import plan_route
+from carlaloc_env.map.routing.route import Route
 from carlaloc_env.map.sources import find_town
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.tables.lane_demand import (
