@@ -1,15 +1,13 @@
 """The whole dataset: a drive in each town, each of them replayed under all conditions.
 
-The scripted driver records the drives, the standard drive of each town or another of its length and seed, or
-a person has driven them. Each is replayed into the same folder, after a plan that is checked before the first
-byte. The same command resumes an interrupted run.
+Drives are the standard ones, or others by the scripted driver, or a person's. All are replayed into one
+folder, after a plan that is checked before the first byte. The same command resumes an interrupted run.
 """
 
 from __future__ import annotations
 
 import json
 import logging
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,36 +17,29 @@ from typing import Any
 
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.ego import DEFAULT_RIDE
-from carlaloc_env.core.errors import ConfigError, OutputError, WriterError, unknown_name
+from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.atomic_files import atomic_write, remove
 from carlaloc_env.core.files.file_locks import claim
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.map.sources import ALIASES, known_towns
 from carlaloc_env.rigs.presets import RIG_RIDES
-from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, SEQUENCE, DatasetFolder
+from recorder.dataset.layout import EPISODES, SEQUENCE, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
+from recorder.drive.standard_drives import ROUTE_M, STANDARD_SEEDS, expected_drive_s, record_drive
 from recorder.episode.episode import Episode
 from recorder.replaying.conditions import conditions_of
-from recorder.replaying.plan import ReplayConfig, ReplayCost, ReplayOptions, replay_cost, rig_of
+from recorder.replaying.cost import ReplayCost, replay_cost
+from recorder.replaying.options import ReplayConfig, ReplayOptions, rig_of
 from recorder.replaying.replay import replay
 from recorder.replaying.working_folder import OWNER, busy
 
 SAMPLE_FROM_S = 8.0
 """Where a sample begins [s]: the car has left the kerb then."""
-ROUTE_M = {
-    "Town01": 678, "Town03": 970, "Town04": 2108, "Town05": 473, "Town06": 266, "Town07": 747, "Town10": 1115,
-}  # fmt: skip
-"""Lengths of the paper's seven routes [m] (Table III), by town."""
-STANDARD_SEEDS = {
-    "Town01": 2, "Town03": 6, "Town04": 7, "Town05": 3, "Town06": 3, "Town07": 7, "Town10": 1,
-}  # fmt: skip
-"""Seeds of the standard drives: those of median length among seeds 0 to 9 in the paper's traffic."""
-HAND_DRIVEN = ("Town05", "Town07")
-"""Towns whose drives go through wheel, window and recorder, as a person's do; the window is not seen."""
-PACES = {"lights": "dynamic", "wave": "dynamic,green_wave=true"}
-"""Traffic of the standard drives: lights as they fall, or a green wave for the ego."""
-PACE_MPS = 5.0
-"""Pace of a drive, waiting included, by which its length is guessed before it is driven [m/s]."""
+WORK = ".carlaloc-dataset"
+"""Folder with the recipe of the run; locked, so that only a single run works at a time."""
+Progress = Callable[[float, float, str], None]
+"""Called about every second with seconds of driving that are replayed and in all, and the present step."""
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,15 +58,11 @@ class DatasetConfig:
     """Conditions, rig, formats, topics, quality, workers."""
     seed: int | None = None
     """Seed by which drives are recorded; None: the standard drive of each town."""
-    pace: str = "lights"
-    """``lights``: lights as they fall; ``wave``: a green wave for the ego."""
 
     def __post_init__(self) -> None:
         for town in self.towns:
             if town not in known_towns():
                 raise ConfigError(f"no town '{town}'; use some of {', '.join(ROUTE_M)}")
-        if self.pace not in PACES:
-            raise ConfigError(unknown_name("pace", self.pace, PACES))
         conditions_of(self.replay.weathers, self.replay.traffic)
 
     def seed_of(self, town: str) -> int:
@@ -163,88 +150,9 @@ def length_s(config: DatasetConfig, town: str) -> float:
     return expected_drive_s(town) if config.sample_s is None else config.sample_s
 
 
-def expected_drive_s(town: str) -> float:
-    """Length of a drive over a town's whole route [s], by the pace of the scripted driver."""
-    return ROUTE_M.get(ALIASES.get(town, town), 800) / PACE_MPS
-
-
 def _is_part(path: Path) -> bool:
     """Whether a file of the dataset makes a unit or a sequence whole in a working folder."""
     return path.parts[0].startswith(".") and path.name in ("unit.json", SEQUENCE)
-
-
-def standard_drives(
-    out: Path, progress: Progress, *, towns: Sequence[str] = tuple(ROUTE_M)
-) -> tuple[Path, ...]:
-    """The standard drives of some towns, whole routes, as ``OUT/TOWN.mcap``; existing files are kept.
-
-    Args:
-        out: Folder of the drives.
-        progress: Called with the number of towns done (fractions included), of towns, and the present step.
-        towns: Names of towns; else the paper's seven.
-
-    Raises:
-        EpisodeError: a drive cannot be written.
-    """
-    found = []
-    for number, town in enumerate(towns):
-        target = out / f"{town}.mcap"
-
-        def driving(_: float, route_m: float, number: int = number, town: str = town) -> None:
-            share = min(route_m / ROUTE_M.get(town, max(route_m, 1.0)), 1.0)
-            progress(number + share, len(towns), f"driving through {town}, {route_m:.0f} m")
-
-        if not target.exists():
-            record_drive(town, target, seed=STANDARD_SEEDS.get(town, 0), progress=driving)
-        found.append(target)
-    return tuple(found)
-
-
-def record_drive(
-    town: str,
-    target: Path,
-    *,
-    seed: int,
-    duration_s: float | None = None,
-    pace: str = "lights",
-    ride: str = DEFAULT_RIDE,
-    progress: Callable[[float, float], None] | None = None,
-) -> None:
-    """Record a drive by the scripted driver; remains of an interrupted recording are deleted.
-
-    Args:
-        town: Name of the town.
-        target: New episode.
-        seed: Seed of traffic and driver.
-        duration_s: Length [s]; None: to the end of the route.
-        pace: One of `PACES`.
-        ride: How the body answers to the road.
-        progress: Called with seconds and metres driven.
-
-    Raises:
-        EpisodeError: it cannot be written.
-    """
-    # Imported here: it imports physics and traffic.
-    from recorder.drive.record import RecordConfig, record
-
-    _log.info("driving through %s", town)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    for rest in target.parent.glob(f"{target.name}.*"):
-        rest.unlink()
-    if by_hand := town in HAND_DRIVEN:
-        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
-    config = RecordConfig(
-        map=town, out=target, device="hand" if by_hand else "scripted", window=by_hand, seed=seed,
-        duration_s=duration_s, traffic=PACES[pace], ride=ride,
-    )  # fmt: skip
-    record(config, progress=progress)
-
-
-WORK = ".carlaloc-dataset"
-"""Folder with the recipe of the run; locked, so that only a single run works at a time."""
-Progress = Callable[[float, float, str], None]
-"""Called about every second with seconds of driving that are replayed and in all, and the present step."""
-_log = logging.getLogger(__name__)
 
 
 def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Path:
@@ -300,32 +208,14 @@ class _DriveProgress:
             self._progress(done_s, sum(self._lengths_s.values()), what)
 
 
-def copy_manifest(dataset: Path, folder: Path) -> None:
-    """Copy the input of the dataset: drives and recipe, with checksums to compare.
-
-    Args:
-        dataset: Folder of a finished dataset.
-        folder: New folder.
-
-    Raises:
-        OutputError: the folder exists.
-    """
-    if folder.exists():
-        raise OutputError(f"{folder} exists; choose another --manifest")
-    shutil.copytree(dataset / EPISODES, folder / EPISODES)
-    for name in (DATASET, CHECKSUMS):
-        shutil.copy(dataset / name, folder / name)
-
-
 def _recipe(config: DatasetConfig) -> dict[str, Any]:
     """Everything that determines the dataset beside the drives, as plain values."""
     r = config.replay
     return {
         "towns": list(config.towns), "weathers": list(r.weathers), "traffic": list(r.traffic),
         "rig": r.rig, "formats": list(r.formats), "topics": r.topics, "quality": r.quality,
-        "preview": r.preview, "lens_drops": r.lens_drops, "leaf_wind_mps": r.leaf_wind_mps,
+        "preview": r.preview,
         "noise_seed": r.seed, "sample_s": config.sample_s,
-        "pace": config.pace,
         "drive_seeds": {town: config.seed_of(town) for town in config.towns},
         "episodes": None if config.episodes is None else "a person's",
     }  # fmt: skip
@@ -374,7 +264,7 @@ def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None
     duration_s = None if config.sample_s is None else SAMPLE_FROM_S + config.sample_s + 0.1
     ride = RIG_RIDES.get(config.replay.rig, DEFAULT_RIDE)
     record_drive(
-        town, target, seed=config.seed_of(town), duration_s=duration_s, pace=config.pace, ride=ride,
+        town, target, seed=config.seed_of(town), duration_s=duration_s, ride=ride,
         progress=report.driving,
     )  # fmt: skip
 

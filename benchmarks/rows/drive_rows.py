@@ -20,9 +20,10 @@ from carlaloc_env.timeline.actors import ActorCatalog
 from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.devices.registry import open_device
-from recorder.drive.listeners import EpisodeListener
-from recorder.episode.writer import EpisodeHeader, EpisodeWriter
-from recorder.window.hud import DriveStatus
+from recorder.drive.episode_listener import EpisodeListener
+from recorder.episode.episode import EpisodeHeader
+from recorder.episode.writer import EpisodeWriter
+from recorder.window.drive_status import DriveStatus
 
 VEHICLES, WALKERS = 266, 34
 _CALM = TrafficConfig(vehicles=50, walkers=10, seed=SEED)
@@ -73,7 +74,7 @@ def _drive_with_pictures(
     world: DrivingWorld, driver: Any, cockpit: Any, status: DriveStatus, seconds: float
 ) -> tuple[float, float]:
     """Pictures in a second of a stretch of the drive, and how fast the world ran over real time."""
-    from recorder.drive.session import Pacer
+    from recorder.drive.pacer import Pacer
 
     pacer, shown, ticks = Pacer(), cockpit.images, world.tick_count
     began = time.perf_counter()

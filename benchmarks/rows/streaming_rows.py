@@ -13,7 +13,8 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.rig_sensors import stereo_of
 from recorder.drive.record import RecordConfig, record
-from recorder.replaying.plan import ReplayConfig, plan_replay
+from recorder.replaying.options import ReplayConfig
+from recorder.replaying.plan import plan_replay
 from recorder.streaming.frames import FrameJob, FrameMaker, sensors_for
 
 SEEDS = (1, 2, 3)

@@ -18,21 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from paper_findings import NONE, PAIRS_MIN, answers_table, direction, doubt, kind_of
 from ratio_picture import draw_ratios
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from recorder.benchmark.cells import (
-    CONDITION,
-    NONE,
-    PAIRS_MIN,
-    answers_table,
-    cells,
-    direction,
-    doubt,
-    kind_of,
-    ratios,
-)
-from recorder.benchmark.results import Score
+from recorder.benchmark.cells import CONDITION, cells, ratios
+from recorder.benchmark.score import Score
 from recorder.benchmark.tables import (
     cost_table,
     counted,

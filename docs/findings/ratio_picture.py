@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from paper_findings import FINDINGS, kind_of
 
-from recorder.benchmark.cells import FINDINGS, cells, kind_of, pairs_of
+from recorder.benchmark.cells import cells, pairs_of
 from recorder.benchmark.tables import titles_of
 
 PANELS = (

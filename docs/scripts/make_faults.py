@@ -57,7 +57,8 @@ def page() -> str:
 def samples() -> Iterator[Sample]:
     """The left picture and the sweep of an instant of the demo's drive."""
     from recorder.replaying.level_sensors import LevelSensors
-    from recorder.replaying.plan import ReplayConfig, plan_replay
+    from recorder.replaying.options import ReplayConfig
+    from recorder.replaying.plan import plan_replay
 
     drive = DOCS.parent / "recorder" / "demo" / "town10.mcap"
     config = ReplayConfig(episode=drive, out=Path("out/none"), rig="flu", quality="medium", topics="slam")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recorder.report.trajectory_plot import new_figure
+from recorder.report.canvas import new_figure
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 WINDOW = 40

@@ -14,7 +14,7 @@ from carlaloc_env.weather.presets import weather_by_name
 from recorder.demo.story import DEMO_DRIVE
 from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import Episode
-from recorder.report.mosaic import pictures_of_instant, rows_of_three
+from recorder.report.instant import pictures_of_instant, rows_of_three
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "sensors.jpg"
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")

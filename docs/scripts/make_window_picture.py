@@ -15,7 +15,7 @@ import numpy as np
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import Episode
-from recorder.window.start_screen import Opening
+from recorder.window.opening import Opening
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "window.jpg"
 TOWN, SEED, DURATION_S = "Town03", 3, 75.0

@@ -15,15 +15,18 @@ from pathlib import Path
 
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
+from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.plan import Job
-from recorder.benchmark.results import BenchmarkConfig, Score, keep, keep_shared, run_job
+from recorder.benchmark.results import keep, keep_shared, run_job
+from recorder.benchmark.score import Score
 from recorder.dataset.layout import DatasetFolder
 from recorder.dataset.sequence import SEGMENTED
 from recorder.replaying.replay import replay
 from recorder.replaying.unit_work import STOP
 from recorder.slam.supervisor import RunRecord
-from recorder.streaming.drive import DriveStream, RunningFeed
+from recorder.streaming.drive import DriveStream
 from recorder.streaming.frames import FrameJob, Key
+from recorder.streaming.running_feed import RunningFeed
 
 TOGETHER = 8
 """Most systems of a batch: each is a process with a map of its own in memory."""

@@ -1,7 +1,4 @@
-"""The report of a benchmark as one self-contained HTML page, for a phone and a wide screen.
-
-Recordings of rerun of a benchmark: each sequence with what all systems made of it.
-"""
+"""The report of a benchmark as one self-contained HTML page, for a phone and a wide screen."""
 
 import base64
 from collections import defaultdict
@@ -19,17 +16,23 @@ from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.benchmark.cells import traffic_label
-from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
 from recorder.benchmark.plan import BenchmarkSequence, Job
+from recorder.benchmark.plots import (
+    Box,
+    Line,
+    box_plot,
+    curve_plot,
+    map_plot,
+    real_time_plot,
+)
 from recorder.benchmark.run import BenchmarkResult
 from recorder.benchmark.tables import LETTERS, RULE, Tables, all_tables, frame_of, titles_of, write_tables
 from recorder.dataset.layout import SequenceFolder
-from recorder.dataset.sequence import RAW, SlamSequence
+from recorder.dataset.sequence import RAW
 from recorder.evaluation.path_errors import PathErrors
+from recorder.report.canvas import COLOURS
+from recorder.report.lane_lines import lane_lines_of
 from recorder.report.mosaic import panels_in
-from recorder.report.town_preview import lane_lines_of
-from recorder.report.trajectory_plot import COLOURS
-from recorder.view.sequence_view import record_sequence
 
 PAGE = "report.html"
 STILLS, STILL_WIDTH_PX = 24, 480
@@ -61,8 +64,8 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
         rule=RULE,
         letters=LETTERS,
         tables=all_tables(runs) if tables is None else tables,
-        boxes=box_figure(_boxes(result, errors, colour), "APE [m]; 5, 25, 50, 75, 95 %"),
-        real_time=real_time_figure(bars) if bars else "",
+        boxes=box_plot(_boxes(result, errors, colour), "APE [m]; 5, 25, 50, 75, 95 %"),
+        real_time=real_time_plot(bars) if bars else "",
         sections=sections,
     )
     path = result.out / PAGE
@@ -139,9 +142,9 @@ def _section(
         "title": f"{sequence.town} {sequence.weather} {sequence.traffic}",
         "lines": above,
         "facts": f"{way_m[-1]:.0f} m, {way_s[-1] - way_s[0]:.0f} s, movers {sequence.movers:.1%}",
-        "map": map_figure(longest.truth_m[:, :2], above, lanes_m),
-        "over_time": curve_figure(over_time, "time [s]", error, name=name),
-        "over_way": curve_figure(over_way, "distance [m]", error, name=name, axis=1),
+        "map": map_plot(longest.truth_m[:, :2], above, lanes_m),
+        "over_time": curve_plot(over_time, "time [s]", error, name=name),
+        "over_way": curve_plot(over_way, "distance [m]", error, name=name, axis=1),
         "stills": [[round(t, 2), round(float(np.interp(t, way_s, way_m)), 1), uri] for t, uri in stills],
     }
 
@@ -181,26 +184,3 @@ def _jpeg(image: U8) -> str:
     small = cv2.resize(picture, (width_px, round(width_px * height / width)), interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 60])
     return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
-
-
-FOLDER = "recordings"
-"""Where they lie below the results."""
-
-
-def write_recordings(result: BenchmarkResult) -> list[Path]:
-    """Write a recording of each sequence with the first run of every system; older ones are replaced.
-
-    Raises:
-        OutputError: a file may not be written.
-        MissingDependencyError: rerun is not installed.
-    """
-    found = [(job.sequence, errors) for job, errors in result.errors() if job.run == 1]
-    return [
-        record_sequence(
-            SlamSequence(sequence.path),
-            result.out / FOLDER / f"{sequence.key}.rrd",
-            estimates=[errors for at, errors in found if at == sequence],
-            overwrite=True,
-        )
-        for sequence in result.sequences
-    ]

@@ -12,16 +12,15 @@ from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError
 from carlaloc_env.core.files.text_files import last_line
 from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
+from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
 from recorder.benchmark.results import (
-    ERRORS,
-    BenchmarkConfig,
-    Score,
     fingerprint_of,
     keep,
     read_result,
     run_job,
 )
+from recorder.benchmark.score import ERRORS, Score
 from recorder.dataset.sequence import SlamSequence, faults_of
 from recorder.evaluation.path_errors import PathErrors
 from recorder.replaying.unit_work import STOP

@@ -9,8 +9,8 @@ import pandas as pd
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.atomic_files import atomic_write
-from recorder.benchmark.cells import CONDITION, NO_SYSTEM, answers_table, best, cells, ratios, traffic_label
-from recorder.benchmark.results import Score
+from recorder.benchmark.cells import CONDITION, best, cells, ratios, traffic_label
+from recorder.benchmark.score import Score
 from recorder.dataset.sequence import RAW
 
 RULE = (
@@ -106,8 +106,6 @@ def all_tables(runs: pd.DataFrame) -> Tables:
         for column, title in _FIGURES.items():
             found.append((f"{name} systems: {title}", error_table(part, column, by_weather=visual)))
     found.append(("Ratios of APE", ratio_table(runs)))
-    answers = answers_table(runs)
-    found.append(("Findings of the CARLA-Loc paper", answers[answers["system here"] != NO_SYSTEM]))
     found.append(("Cost", cost_table(runs)))
     found.append(("Why runs failed", failure_table(runs)))
     found.append(("Findings about data and estimates", failure_table(runs, "findings")))

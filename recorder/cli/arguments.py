@@ -246,10 +246,10 @@ def add_replay_options(
         default="standard",
         help="topic profile of bags: standard, slam, paper, paper_seg, full, compact or compact_full",
     )
-    option(parser, "--workers", positive_int, "N", "processes; else one per core")
+    option(parser, "--workers", int, "N", "processes; else one per core")
     parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
     text = "seconds of the drive that a worker makes at a time (default: 10)"
-    option(parser, "--unit", positive_seconds, "S", text, 10.0)
+    option(parser, "--unit", seconds, "S", text, 10.0)
     parser.add_argument("--no-preview", action="store_true", help="make no films")
 
 
@@ -283,8 +283,6 @@ def add_condition_options(
         help="weather, traffic, faults, stretch and seed of a .yaml file; later options override it",
     )
     parser.add_argument("--lidar-weather", action="store_true", help="fog, rain and spray reach the LiDARs")
-    parser.add_argument("--lens-drops", action="store_true", help="drops on the lenses while it rains")
-    option(parser, "--leaf-wind", seconds, "M/S", "wind that sways leaves [m/s]", 0.0)
     parser.add_argument(
         "--rig",
         default="paper",
@@ -297,7 +295,7 @@ class _ConditionAction(argparse.Action):
     """Sets the options of a condition to those of a file."""
 
     def __call__(self, _: Any, namespace: argparse.Namespace, values: Any, __: str | None = None) -> None:
-        from recorder.replaying.conditions import ConditionFile
+        from recorder.replaying.condition_file import ConditionFile
 
         try:
             found = ConditionFile.read(values)
@@ -316,7 +314,7 @@ def add_stretch_options(parser: argparse._ActionsContainer) -> None:
     """Declare the stretch of a drive and the seed of its noise."""
     option(parser, "--start", seconds, "S", "begin here [s]", 0.0)
     option(parser, "--duration", positive_seconds, "S", "length [s]; else to the end")
-    parser.add_argument("--seed", type=seed, help="seed of sensor noise; else the episode's")
+    parser.add_argument("--seed", type=int, help="seed of sensor noise; else the episode's")
 
 
 def condition_options(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -328,10 +326,8 @@ def condition_options(arguments: argparse.Namespace) -> dict[str, Any]:
         "traffic": arguments.traffic,
         "rig": arguments.rig,
         "quality": arguments.quality,
-        "lens_drops": arguments.lens_drops,
         "lidar_weather": arguments.lidar_weather,
         "faults": Faults.parse(arguments.fault),
-        "leaf_wind_mps": arguments.leaf_wind,
     }
 
 
@@ -343,7 +339,7 @@ def drive_config(arguments: argparse.Namespace, episodes: Iterable[Path], **give
         episodes: The drives.
         given: Further fields of the configuration.
     """
-    from recorder.replaying.plan import ReplayOptions
+    from recorder.replaying.options import ReplayOptions
     from recorder.streaming.drive import DriveConfig
 
     options = ReplayOptions(**condition_options(arguments), seed=arguments.seed)

@@ -15,7 +15,8 @@ from typing import NoReturn, TextIO, cast
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import CarlaLocError, UsageError
 from recorder.cli.arguments import check_outputs, shared_options
-from recorder.cli.terminal import ended_as_by_ctrl_c, make_streams_safe, to_json
+from recorder.cli.interrupts import ended_as_by_ctrl_c
+from recorder.cli.output import make_streams_safe, to_json
 
 COMMANDS = (
     "demo", "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "realism", "odometry",
@@ -23,8 +24,6 @@ COMMANDS = (
     "view", "list", "completion",
 )  # fmt: skip
 """Sub-commands; each is a module of `commands` with `add_arguments` and `run`."""
-ROBUSTNESS = ("realism", "places", "sweep", "break", "consistency", "closedloop")
-"""Those in the folder `robustness` of `commands`."""
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2
 EXIT_PIPE = 141
@@ -154,7 +153,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _module(name: str) -> ModuleType:
     """Module of a command."""
-    return import_module(f"recorder.cli.commands.{'robustness.' if name in ROBUSTNESS else ''}{name}")
+    return import_module(f"recorder.cli.commands.{name}")
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -5,17 +5,15 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from recorder.demo.page import EXTRAS, STEPS, write_index
 from recorder.demo.story import (
-    EXTRAS,
     LOOK,
-    STEPS,
     DemoConfig,
     draw_story,
     first_look,
     replay_drive,
     run_systems,
     scores_of,
-    write_index,
     write_scene,
 )
 

@@ -1,11 +1,7 @@
-"""The steps of the demo: a first picture of the drive, four sequences of it, scores of SLAM systems.
-
-The demo's page: what it has made so far, for a phone and a wide screen.
-"""
+"""The steps of the demo: a first picture of the drive, four sequences of it, scores of SLAM systems."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,24 +13,28 @@ from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.presets import weather_by_name
-from recorder.benchmark.results import Score
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
 from recorder.benchmark.run import Progress as RunProgress
+from recorder.benchmark.score import Score
 from recorder.dataset.sequence import RAW
 from recorder.episode.episode import Episode, open_episode
 from recorder.episode.episode_town import town_of
 from recorder.episode.traffic_level import traffic_level
 from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.replaying.plan import ReplayConfig, ReplayCost, plan_replay, size_of
+from recorder.replaying.cost import ReplayCost, size_of
+from recorder.replaying.options import ReplayConfig
+from recorder.replaying.plan import plan_replay
 from recorder.replaying.replay import Progress, ReplayResult, finished_replay, replay
-from recorder.report.mosaic import pictures_of_instant, rows_of_three
+from recorder.report.instant import pictures_of_instant, rows_of_three
 from recorder.slam.systems import SYSTEMS
 
 DEMO_DRIVE = Path(__file__).with_name("town10.mcap")
 """Half a minute of the scripted driver among Town10's traffic."""
 LOOK, LOOK_AT_S = "look.jpg", 5.0
 """Name of the first picture, and its instant of the drive [s]."""
+SCENE = "scene.html"
+"""Name of the page of a sequence."""
 LOOK_WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
 WEATHERS, TRAFFIC = LOOK_WEATHERS[:2], ("static", "dynamic")
 LOOK_S, SYSTEMS_S = 30.0, 1.5
@@ -163,8 +163,8 @@ def draw_story(config: DemoConfig, found: BenchmarkResult, truth: Path) -> list[
     if not REPORT:
         return []
     from recorder.benchmark.page import write_page
-    from recorder.report.town_preview import lane_lines_of
-    from recorder.report.trajectory_plot import plot_conditions
+    from recorder.report.condition_plot import plot_conditions
+    from recorder.report.lane_lines import lane_lines_of
 
     header = open_episode(DEMO_DRIVE).header
     walkers = int((header.catalog.tag == Tag.PEDESTRIAN).sum())
@@ -192,110 +192,3 @@ def write_scene(config: DemoConfig, sequences: Sequence[Path], scores: Scores) -
     paths = [replace(by_level[level][1], name=system) for system, by_level in scores.items()]
     page = config.out / SCENE
     return page_of_sequence(SlamSequence(sequence), page, estimates=paths, period_s=PERIOD_S, overwrite=True)
-
-
-INDEX, SCENE = "index.html", "scene.html"
-STEPS = ("a first look", "replaying two weathers × two traffic levels", "running SLAM systems")
-"""What the demo does, in this order."""
-EXTRAS = 'pip install "carlaloc-env[slam,report]"'
-"""What brings the rest of the demo."""
-_HEAD = """<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width,initial-scale=1">
-<title>CarlaLoc demo</title>
-<style>
-:root{color-scheme:light dark}
-body{font:16px/1.5 system-ui,sans-serif;margin:0 auto;padding:1rem;max-width:1280px}
-img,video{width:100%;border-radius:6px}figure{margin:0}figcaption{font-size:.9rem;opacity:.8}
-.row{display:grid;gap:1rem;grid-template-columns:repeat(auto-fit,minmax(min(100%,420px),1fr))}
-.scroll{overflow-x:auto}table{border-collapse:collapse}td,th{padding:.25rem 1rem .25rem 0;text-align:left}
-td{white-space:nowrap}pre{overflow-x:auto;padding:.7rem;background:#8881;border-radius:6px}
-</style>
-<h1>CarlaLoc demo</h1>
-"""
-_LOOK = f"""<h2>One instant of one drive</h2>
-<figure><a href="{LOOK}"><img src="{LOOK}" alt="nine pictures of one instant"></a>
-<figcaption>The left camera in three weathers, among traffic (dynamic) and without movers (static);
-depth, semantic classes, and the LiDAR from above, with points on vehicles and walkers in amber.
-</figcaption></figure>
-"""
-_NEXT = """<h2>What to try next</h2>
-<pre>carlaloc record --map Town10 --device keyboard --out mine.mcap      # drive yourself
-carlaloc replay mine.mcap --out mine --weather RainyNight           # the same drive at night, in the rain
-carlaloc benchmark mine --out scores                                # every installed SLAM system on it
-carlaloc list weathers</pre>
-"""
-
-
-def write_index(
-    out: Path, films: list[Path], scores: Scores, drawn: list[Path], *, step: int, scene: Path | None = None
-) -> Path:
-    """Write ``index.html`` anew, with all that there is.
-
-    Args:
-        out: Folder of the demo; it holds the first picture.
-        films: Films of the sequences, below that folder.
-        scores: Errors of each system.
-        drawn: The picture of errors and the benchmark's page; none without the extra `report`.
-        step: Number of the step that is running, from 1; beyond the last the demo has ended.
-        scene: The page of a sequence, in that folder.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    text = _HEAD
-    if step <= len(STEPS):
-        # The browser reads the page again until everything stands on it.
-        text += '<meta http-equiv="refresh" content="20">\n'
-        text += f"<p>Step {step} of {len(STEPS)} is under way: {STEPS[step - 1]}.</p>\n"
-    text += _LOOK
-    if films:
-        text += '<h2>The drive as sequences</h2>\n<div class="row">\n'
-        text += "".join(_film(path.relative_to(out)) for path in films) + "</div>\n"
-    if scene is not None:
-        text += (
-            f'<p><a href="{scene.name}">The drive in 3-D</a>: town, points, pictures and the paths of all '
-            "systems, over time. It is one file that any browser opens.</p>\n"
-        )
-    if scores:
-        text += _table(scores)
-        text += "".join(_drawing(path.relative_to(out)) for path in drawn)
-    if scores and not drawn:
-        text += f"<p><code>{escape(EXTRAS)}</code> adds LiDAR systems, figures and a page of all runs.</p>\n"
-    if step > len(STEPS):
-        text += _NEXT
-    path = out / INDEX
-    # A browser may read it at any time.
-    with atomic_write(path) as part:
-        part.write_text(text + "</html>\n", encoding="utf-8")
-    return path
-
-
-def _film(path: Path) -> str:
-    name = escape(path.parent.name.replace("_", " "))
-    return (
-        f'<figure><video src="{path.as_posix()}" controls muted loop autoplay playsinline></video>'
-        f"<figcaption>{name}</figcaption></figure>\n"
-    )
-
-
-def _table(scores: Scores) -> str:
-    rows = "".join(
-        f"<tr><th>{escape(system)}</th>"
-        + "".join(f"<td>{by_level[level][0].ape_m:.3f} m</td>" for level in TRAFFIC)
-        + "</tr>\n"
-        for system, by_level in scores.items()
-    )
-    heads = "".join(f"<th>{level}</th>" for level in TRAFFIC)
-    return (
-        "<h2>Errors of SLAM systems</h2>\n<p>Position error after alignment (APE, RMSE):</p>\n"
-        f'<div class="scroll"><table>\n<tr><th></th>{heads}</tr>\n{rows}</table></div>\n'
-    )
-
-
-def _drawing(path: Path) -> str:
-    link = escape(path.as_posix())
-    if path.suffix == ".png":
-        return f'<figure><a href="{link}"><img src="{link}" alt="errors on the map"></a></figure>\n'
-    return f'<p><a href="{link}">All runs</a>: click a curve to see what the camera saw there.</p>\n'

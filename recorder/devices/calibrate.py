@@ -5,8 +5,14 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from carlaloc_env.core.errors import DeviceError
+from recorder.devices.axis_shape import AxisShape
 from recorder.devices.inputs import Inputs, Stick
-from recorder.devices.profile import AxisShape, DeviceProfile, known_profiles, match_profile, save_profile
+from recorder.devices.profile import (
+    DeviceProfile,
+    known_profiles,
+    match_profile,
+    save_profile,
+)
 
 Ask = Callable[[str], None]
 """Shows a line to the person."""

@@ -1,9 +1,4 @@
-"""Keys, wheels, pedals and pads as pygame reports them, read by one pump.
-
-The keyboard: arrows or WASD drive, other keys ask for things. Codes are SDL's, which are fixed.
-
-Keys for a drive without a person at the wheel: pause, camera, help, end.
-"""
+"""Reads keys, wheels, pedals and pads from pygame's event queue."""
 
 import math
 import os
@@ -12,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from carlaloc_env.core.errors import DeviceError, MissingDependencyError
-from recorder.devices.base import Command
 
 _STIRRED, _MOVED = 0.02, 0.2
 """Changes of a raw value: after which it is believed, and by which a person moves it."""
@@ -217,78 +211,3 @@ def usb_of_guid(guid: str) -> str:
     """``vendor:product`` in an SDL joystick GUID: bytes 4–5 and 8–9, little endian."""
     data = bytes.fromhex(guid) if len(guid) == 32 else bytes(16)
     return f"{int.from_bytes(data[4:6], 'little'):04x}:{int.from_bytes(data[8:10], 'little'):04x}"
-
-
-_ARROW_RIGHT, _ARROW_LEFT, _ARROW_DOWN, _ARROW_UP = (0x4000_0000 | code for code in (79, 80, 81, 82))
-_F1 = 0x4000_0000 | 58
-_ESCAPE, _SPACE, _BACKSPACE = 27, 32, 8
-
-LEFT, RIGHT = (_ARROW_LEFT, ord("a")), (_ARROW_RIGHT, ord("d"))
-FORWARD, BACK = (_ARROW_UP, ord("w")), (_ARROW_DOWN, ord("s"))
-
-KEY_COMMANDS = {
-    ord("r"): Command.REVERSE,
-    _SPACE: Command.HANDBRAKE,
-    ord("q"): Command.INDICATOR_LEFT,
-    ord("e"): Command.INDICATOR_RIGHT,
-    ord("l"): Command.HEADLAMPS,
-    ord("c"): Command.CAMERA,
-    ord("p"): Command.PAUSE,
-    ord("f"): Command.PHOTO,
-    ord("k"): Command.CHECKPOINT,
-    _BACKSPACE: Command.RESTART,
-    ord("h"): Command.HELP,
-    _F1: Command.HELP,
-    _ESCAPE: Command.QUIT,
-}
-"""Command of each key."""
-
-HELP_LINES = (
-    ("arrows / W A S D", "steer, accelerate, brake", ()),
-    ("space", "handbrake", ("handbrake",)),
-    ("R", "reverse gear (below walking speed)", ("reverse",)),
-    ("Q  E", "indicators", ("indicator_left", "indicator_right")),
-    ("L", "headlamps", ("headlamps",)),
-    ("C", "camera: seat, chase, above", ("camera",)),
-    ("P", "pause", ("pause",)),
-    ("K", "set a checkpoint", ("checkpoint",)),
-    ("backspace", "restart from the last checkpoint", ("restart",)),
-    ("F", "photo: a PNG beside the drive", ("photo",)),
-    ("H / F1", "this help", ("help",)),
-    ("Esc", "end the drive and save it", ("quit",)),
-)
-"""Lines of the help overlay: keys, their meaning, and the commands whose buttons it adds."""
-
-
-def held_pedals(keys: set[int]) -> tuple[bool, bool, bool, bool, bool]:
-    """Whether left, right, forward, back and handbrake are held."""
-    held = tuple(any(key in keys for key in codes) for codes in (LEFT, RIGHT, FORWARD, BACK, (_SPACE,)))
-    return held[0], held[1], held[2], held[3], held[4]
-
-
-_STEERING = (Command.REVERSE, Command.HANDBRAKE, Command.RESTART, Command.CHECKPOINT)
-
-
-class KeyPanel:
-    """Takes in key presses; what only a driver may ask for is left out.
-
-    Args:
-        inputs: Where events come from.
-    """
-
-    def __init__(self, inputs: Inputs) -> None:
-        self.inputs = inputs
-        self.commands: list[Command] = []
-        self.plugged: list[tuple[str, str]] = []
-        self.message: str | None = None
-        self.buttons: dict[str, int] = {}
-
-    def poll(self) -> None:
-        """Take in events; once per image."""
-        self.inputs.pump()
-        pressed = (KEY_COMMANDS.get(press.key) for press in self.inputs.presses if press.key is not None)
-        self.commands = [c for c in pressed if c is not None and c not in _STEERING]
-
-    def close(self) -> None:
-        """Let the keyboard go."""
-        self.inputs.close()

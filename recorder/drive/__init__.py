@@ -1,1 +1,1 @@
-"""A drive from its first tick to its episode: devices, rules, pace, recording, resimulation."""
+"""A drive from its first tick to its episode: devices, rules, pace, recording, other traffic."""

@@ -25,7 +25,8 @@ from carlaloc_env.traffic.traffic_config import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.devices.base import DEVICES, HUMAN, Device
 from recorder.devices.human import HumanDevice
-from recorder.devices.inputs import Inputs, KeyPanel
+from recorder.devices.inputs import Inputs
+from recorder.devices.keys import KeyPanel
 from recorder.devices.registry import open_device
 from recorder.drive.session import DriveSession
 from recorder.episode.ego_messages import VIOLATIONS
@@ -33,7 +34,7 @@ from recorder.episode.episode import Episode
 from recorder.episode.summary import driven_distance_m
 from recorder.episode.writer import EpisodeHeader, EpisodeWriter
 from recorder.window.cockpit import WindowCockpit
-from recorder.window.start_screen import Opening
+from recorder.window.opening import Opening
 
 Progress = Callable[[float, float], None]
 """Called with seconds driven and metres along the route."""

@@ -1,7 +1,4 @@
-"""A drive from start to end: in real time with a person and a window, or as fast as possible.
-
-Real time on a fixed tick: a slow machine slows the world down evenly and never skips a tick.
-"""
+"""Runs a drive from start to end: in real time with a person and a window, or as fast as possible."""
 
 import math
 import time
@@ -12,72 +9,21 @@ from typing import Protocol
 
 import numpy as np
 
-from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
+from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import OutputError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.actors import ActorCatalog
 from recorder.devices.base import Command, Device
 from recorder.devices.human import HumanDevice
-from recorder.devices.inputs import KeyPanel
-from recorder.drive.listeners import FIRST_DRIVEN_TICK, EpisodeListener, RuleMonitor
+from recorder.devices.keys import KeyPanel
+from recorder.drive.episode_listener import FIRST_DRIVEN_TICK, EpisodeListener
+from recorder.drive.pacer import Pacer
+from recorder.drive.rule_monitor import RuleMonitor
 from recorder.episode.ego_messages import VIOLATIONS
 from recorder.episode.episode import Episode
 from recorder.episode.writer import EpisodeWriter
-from recorder.window.hud import DriveStatus
-
-MOST_TICKS = 10
-"""Most ticks between two images: beyond it the world runs slower than real time."""
-_WINDOW_S = 2.0
-SLOW = 0.9
-"""World over real time below which a driver feels it and is warned."""
-
-
-class Pacer:
-    """Counts the ticks that are due, and measures how fast the world runs.
-
-    Args:
-        clock: Monotonic time [s].
-    """
-
-    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
-        self._clock = clock
-        self._last_s = clock()
-        self._owed_s = 0.0
-        self._history: deque[tuple[float, int]] = deque()
-
-    def due(self) -> int:
-        """Ticks to run now, 0 to `MOST_TICKS`; what a slow machine cannot do in time is let go."""
-        now = self._clock()
-        self._owed_s += now - self._last_s
-        self._last_s = now
-        count = min(int(self._owed_s / TICK_S + 1e-9), MOST_TICKS)
-        left_s = self._owed_s - count * TICK_S
-        self._owed_s = min(left_s, TICK_S) if count == MOST_TICKS else left_s
-        self._history.append((now, count))
-        while now - self._history[0][0] > _WINDOW_S:
-            self._history.popleft()
-        return count
-
-    def restart(self) -> None:
-        """Forget the time that went by, e.g. after a pause."""
-        self._last_s, self._owed_s = self._clock(), 0.0
-        self._history.clear()
-
-    @property
-    def speed(self) -> float:
-        """Simulated over real time in the last two seconds; 1 in real time."""
-        if len(self._history) < 2:
-            return 1.0
-        spent = self._history[-1][0] - self._history[0][0]
-        done = sum(count for _, count in list(self._history)[1:])
-        return done * TICK_S / spent if spent > 0.5 else 1.0
-
-    @property
-    def is_slow(self) -> bool:
-        """Whether the world runs noticeably slower than real time."""
-        return self.speed < SLOW
-
+from recorder.window.drive_status import DriveStatus
 
 _IDLE_S = 0.004
 _WARNING_S = 2.5

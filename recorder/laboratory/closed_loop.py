@@ -15,8 +15,9 @@ from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.routing.route import Route
 from recorder.evaluation.align import umeyama
-from recorder.laboratory.estimated_pose_env import EstimatedPoseEnv, StepDriver
+from recorder.laboratory.estimated_pose_env import EstimatedPoseEnv
 from recorder.laboratory.pose_source import KnownError, PoseSource, SystemPose
+from recorder.laboratory.step_driver import StepDriver
 
 Progress = Callable[[float, int, str | None], None]
 """Called with drives done, drives in all, and the drive that has ended, if one has."""

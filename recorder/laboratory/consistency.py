@@ -20,15 +20,14 @@ from recorder.dataset.sequence import RAW, SlamSequence
 from recorder.evaluation.covariance_files import read_covariances
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.laboratory.pose_statistics import (
+from recorder.laboratory.pose_errors import (
     AXES,
-    Consistency,
     PoseErrors,
     Run,
-    consistency_of,
     pose_errors,
 )
-from recorder.report.trajectory_plot import COLOURS, new_figure, save_figure
+from recorder.laboratory.pose_statistics import Consistency, consistency_of
+from recorder.report.canvas import COLOURS, new_figure, save_figure
 from recorder.slam.worker import ESTIMATE
 from recorder.streaming.drive import DriveConfig
 

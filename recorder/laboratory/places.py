@@ -33,7 +33,8 @@ from recorder.laboratory.place_baselines import (
 from recorder.laboratory.place_pairs import Frames, Pairs, find_pairs, frames_along, write_csv
 from recorder.laboratory.true_map import field_of
 from recorder.replaying.level_sensors import LevelSensors
-from recorder.replaying.plan import ReplayConfig, ReplayPlan, plan_replay
+from recorder.replaying.options import ReplayConfig
+from recorder.replaying.plan import ReplayPlan, plan_replay
 from recorder.writers.base import grey
 
 METHODS = {"sift_vlad": "camera", "map_closures": "lidar"}

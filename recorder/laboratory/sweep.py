@@ -24,11 +24,11 @@ from carlaloc_env.weather.presets import (
 from carlaloc_env.weather.schedule import weather_of
 from recorder.benchmark.plan import DRIVES, BenchmarkSequence, sequence_of
 from recorder.dataset.checksums import file_sha256
-from recorder.drive.resimulate import change_traffic
+from recorder.drive.change_traffic import change_traffic
 from recorder.episode.episode import open_episode
 from recorder.episode.traffic_level import LEVELS, traffic_level
 from recorder.replaying.conditions import Condition
-from recorder.replaying.plan import ReplayConfig, ReplayOptions, rig_of
+from recorder.replaying.options import ReplayConfig, ReplayOptions, rig_of
 from recorder.streaming.drive import DriveConfig, describe_drive
 
 TRAFFIC, FAULT = "traffic", "fault."

@@ -23,8 +23,9 @@ from carlaloc_env.town.town import without_movables
 from recorder.episode.episode import Episode
 from recorder.episode.episode_town import town_of
 from recorder.episode.traffic_level import TrafficLevel
-from recorder.replaying.conditions import Recipe
-from recorder.replaying.spool import Order, first_pictures_ns
+from recorder.replaying.camera_history import first_pictures_ns
+from recorder.replaying.recipe import Recipe
+from recorder.replaying.spool import Order
 
 
 @dataclass(frozen=True, slots=True)

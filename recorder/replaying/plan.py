@@ -1,12 +1,7 @@
-"""Options and plan of a replay, checked before anything heavy is imported, built or written.
+"""Plans a replay: checks it before anything heavy is imported, built or written."""
 
-Size and time of a replay, estimated before it begins.
-"""
-
-import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
@@ -15,192 +10,18 @@ from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.map.sources import TownId
-from carlaloc_env.render.views import check_quality
 from carlaloc_env.rigs.memory import check_memory
-from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.samples import Events, Image, PointCloud
-from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
-from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats
+from recorder.dataset.layout import DatasetFolder, DriveFolder, SequenceFolder
 from recorder.dataset.manifest import drive_origin, has_drive
 from recorder.episode.episode import Episode
 from recorder.episode.episode_town import check_kept_town, town_id_of
-from recorder.replaying.conditions import Recipe, Unit, code_digest, conditions_of, units_of
-from recorder.writers.stream_sizes import element_bytes, large_streams, pixels_hz
-from recorder.writers.topic_profiles import profile_by_name
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayOptions:
-    """Conditions, sensors and formats of a replay."""
-
-    weathers: tuple[str, ...] = ("ClearNoon",)
-    """Names of weathers, or paths of schedules (``.yaml``)."""
-    traffic: tuple[str, ...] = ("dynamic",)
-    """Traffic levels: ``dynamic``, ``static``, ``empty``, fractions."""
-    rig: str = "paper"
-    """Name of a rig, or a YAML file."""
-    formats: tuple[str, ...] = ("rosbag1", "euroc")
-    """Dataset formats."""
-    topics: str = "standard"
-    """Topic profile of bags."""
-    seed: int | None = None
-    """Seed of sensor noise; None: the episode's."""
-    quality: str = "medium"
-    """Quality of images: ``low``, ``medium``, ``high``."""
-    workers: int | None = None
-    """Processes; None: one per core."""
-    cluster: str | None = None
-    """Address of a Dask scheduler whose workers do the work in place of processes of this machine."""
-    unit_s: float = 10.0
-    """Length of the stretch that a worker makes at a time [s]; no byte depends on it."""
-    preview: bool = True
-    """Whether a film of each sequence is made."""
-    lens_drops: bool = False
-    """Whether drops cling to the lenses of all cameras while it rains."""
-    leaf_wind_mps: float = 0.0
-    """Wind that sways leaves in all images [m/s]; 0: as in the rig."""
-    lidar_weather: bool = False
-    """Whether fog, rain and spray reach the LiDARs; False: as in the rig."""
-    faults: Faults = field(default_factory=Faults)
-    """Faults of the sensors, which take the place of the rig's."""
-
-    def __post_init__(self) -> None:
-        check_formats(self.formats)
-        check_quality(self.quality)
-        profile_by_name(self.topics)
-        made = sorted({"kitti", "dsec", "nuscenes", "colmap"} & set(self.formats))
-        if self.faults.calibration and made:
-            raise ConfigError(
-                f"{made[0]} computes with the calibration, which has faults here; take a rosbag"
-            )
-        if self.workers is not None and self.workers < 1:
-            raise ConfigError(f"{self.workers} workers; give at least 1")
-        if self.unit_s < STEP_NS / 1e9:
-            raise ConfigError(f"units of {self.unit_s:g} s; give at least {STEP_NS / 1e9:g} s")
-        if self.seed is not None and self.seed < 0:
-            raise ConfigError(f"seed {self.seed}; give a number that is not negative")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayConfig(ReplayOptions):
-    """A replay: the drive, its stretch, the output folder and the options."""
-
-    episode: Path
-    """Episode to replay."""
-    out: Path
-    """Folder of the dataset; must not hold these sequences yet."""
-    start_s: float = 0.0
-    """Beginning of the stretch [s]."""
-    duration_s: float | None = None
-    """Length of the stretch [s]; None: to the end of the drive."""
-    camera_start_s: float | None = None
-    """Beginning of the images [s]; None: that of the stretch."""
-    camera_duration_s: float | None = None
-    """Length of the images [s]; None: the whole stretch."""
-    map: Path | str | None = None
-    """Map of the drive, name or file; None: the town that the episode names."""
-
-    def __post_init__(self) -> None:
-        # Without arguments, `super` does not find the class that slots have recreated.
-        super(ReplayConfig, self).__post_init__()
-        if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
-            raise ConfigError("start must not be negative and duration must be above zero")
-
-
-SIZE_ERROR, TIME_FACTOR = 0.3, 2
-"""Largest error of an estimated size, as a part of it, and the factor within which the time is right."""
-OTHER_BYTES_S = 1e6
-"""Size of a second of everything else in a format [bytes]."""
-START_S, LEVEL_S, RAY_S, DRAW_S, SHADE_S, BYTE_S = 25.0, 0.3, 1e-6, 50e-9, 80e-9, 4e-9
-"""CPU time of a process until it works, a second, a ray, a pixel, its light in a weather, a byte [s];
-fitted to the totals of docs/performance.md and docs/formats.md."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayCost:
-    """Disk and time that a replay takes, estimated by rig, topics, formats, conditions, length and cores."""
-
-    written_bytes: float
-    """Size of all sequences."""
-    spooled_bytes: float
-    """Size of the spools beside them, which are deleted in the end."""
-    seconds: float
-    """Time of a machine that has built the town before [s]."""
-    processes: int
-    """Processes that share the work."""
-
-    def check(self, out: Path, *, kept_bytes: int = 0) -> None:
-        """Refuse a replay that the disk cannot hold, even if the estimate is too large by all its error.
-
-        Args:
-            out: Folder of the dataset.
-            kept_bytes: Size of what an earlier run has left there.
-
-        Raises:
-            WriterError: it does not fit.
-        """
-        needed = self.written_bytes + self.spooled_bytes
-        free = shutil.disk_usage(existing_folder(out)).free
-        if (1.0 - SIZE_ERROR) * needed > free + kept_bytes:
-            raise WriterError(
-                f"needs about {needed / 1e9:.1f} GB (±{SIZE_ERROR:.0%}), and {free / 1e9:.1f} GB are free in "
-                f"{out}; make room, or choose a shorter stretch, fewer conditions, --topics slam or compact"
-            )
-
-    def __str__(self) -> str:
-        time = f"{self.seconds / 60:.0f} min" if self.seconds > 90 else f"{self.seconds:.0f} s"
-        return (
-            f"about {self.written_bytes / 1e9:.2f} GB and at times {self.spooled_bytes / 1e9:.2f} GB more "
-            f"(±{SIZE_ERROR:.0%}); about {time} with {self.processes} processes (a factor of {TIME_FACTOR})"
-        )
-
-
-def existing_folder(folder: Path) -> Path:
-    """The folder, or the nearest above it that exists."""
-    return next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
-
-
-def size_of(folder: Path) -> int:
-    """Size of all files below a folder [bytes]."""
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-
-
-def replay_cost(
-    options: ReplayOptions, lengths_s: Sequence[tuple[float, float]], processes: int
-) -> ReplayCost:
-    """Disk and time that replays of some drives take.
-
-    Args:
-        options: Conditions, rig, topics and formats.
-        lengths_s: Length of each drive's stretch and of its images [s].
-        processes: Processes that share the work.
-    """
-    rig = without_unwritten(rig_of(options), options.formats, options.topics)
-    levels, weathers = len(options.traffic), len(options.weathers)
-    whole_s, images_s = (sum(lengths) for lengths in zip(*lengths_s, strict=True))
-    longest = max(lengths_s)
-    written = levels * weathers * whole_s * OTHER_BYTES_S * len(options.formats)
-    spooled = 0.0
-    streams = [stream for _, stream, _ in large_streams(rig)]
-    for kind, stream, elements_hz in large_streams(rig):
-        of_cloud = kind is PointCloud
-        for name in options.formats:
-            whole, packed = element_bytes(options.topics, name, kind, stream, streams)
-            written += levels * weathers * (whole_s if of_cloud else images_s) * elements_hz * packed
-            times = weathers if kind in (Image, Events) else 1
-            spooled += times * longest[0 if of_cloud else 1] * elements_hz * whole
-    radars: list[Any] = list(rig.of_kind("radar"))
-    rays_hz = sum(s.rays * s.rate_hz for s in rig.sensors if isinstance(s, LidarConfig))
-    rays_hz += sum(s.columns * s.rows * s.rate_hz for s in radars)
-    all_pixels_hz = sum(pixels_hz(s) for s in rig.sensors if isinstance(s, CameraConfig))
-    cpu_s = levels * (
-        whole_s * (LEVEL_S + rays_hz * RAY_S) + images_s * all_pixels_hz * (DRAW_S + weathers * SHADE_S)
-    )
-    seconds = START_S + (cpu_s + written * BYTE_S) / max(1.0, 0.75 * processes)
-    return ReplayCost(written_bytes=written, spooled_bytes=spooled, seconds=seconds, processes=processes)
+from recorder.replaying.code_digest import code_digest
+from recorder.replaying.conditions import conditions_of
+from recorder.replaying.cost import ReplayCost, replay_cost
+from recorder.replaying.options import ReplayConfig, rig_of, without_unwritten
+from recorder.replaying.recipe import Recipe, Unit, units_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -331,47 +152,6 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     # Last, since it imports what builds towns.
     check_kept_town(episode, town)
     return plan
-
-
-def rig_of(config: ReplayOptions) -> SensorRig:
-    """The rig of a replay, with the options that it sets for all cameras.
-
-    Raises:
-        ConfigError: there is no such rig, or an option is out of range.
-    """
-    rig = rig_by_name(config.rig)
-    if config.lidar_weather:
-        lidars = {s: replace(s, weather=True) for s in rig.sensors if isinstance(s, LidarConfig)}
-        rig = replace(rig, sensors=tuple(lidars.get(s, s) for s in rig.sensors))  # type: ignore[call-overload]
-    changes: dict[str, Any] = {}
-    if config.lens_drops:
-        changes["lens_drops"] = True
-    if config.leaf_wind_mps:
-        changes["leaf_wind_mps"] = config.leaf_wind_mps
-    if not changes:
-        return rig
-    sensors = tuple(replace(s, **changes) if isinstance(s, CameraConfig) else s for s in rig.sensors)
-    return replace(rig, sensors=sensors)
-
-
-def without_unwritten(rig: SensorRig, formats: Sequence[str], topics: str) -> SensorRig:
-    """The rig without event cameras if no format holds events: they cost more than all else.
-
-    Args:
-        rig: The sensors.
-        formats: Names of dataset formats.
-        topics: Topic profile of bags.
-    """
-    in_bags = any(rule.sample is Events for rule in profile_by_name(topics).rules)
-    if {"dsec", "raw"} & set(formats) or (in_bags and any(FORMATS[name].is_bag for name in formats)):
-        return rig
-    sensors = tuple(
-        replace(config, outputs=tuple(output for output in config.outputs if output != "events"))
-        if isinstance(config, CameraConfig) and set(config.outputs) - {"events"}
-        else config
-        for config in rig.sensors
-    )
-    return replace(rig, sensors=sensors)
 
 
 def _spans(config: ReplayConfig, timeline: Timeline) -> tuple[tuple[int, int], tuple[int, int]]:

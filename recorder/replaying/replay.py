@@ -10,15 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recorder.dataset.manifest import SequenceDescription
-from recorder.replaying.plan import (
-    ReplayConfig,
-    ReplayCost,
-    ReplayOptions,
-    ReplayPlan,
-    plan_replay,
-    rig_of,
-    size_of,
-)
+from recorder.replaying.cost import ReplayCost, size_of
+from recorder.replaying.options import ReplayConfig, ReplayOptions, rig_of
+from recorder.replaying.plan import ReplayPlan, plan_replay
 from recorder.replaying.working_folder import FOLDER, WorkingFolder
 
 __all__ = ["Progress", "ReplayConfig", "ReplayOptions", "ReplayResult", "replay", "rig_of"]

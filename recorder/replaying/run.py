@@ -1,24 +1,21 @@
-"""One run of a replay: units to workers, sequences assembled as soon as their units are whole.
-
-Check that the rest of a replay fits on the disk, by the size of its first unit.
-"""
+"""One run of a replay: units go to workers, sequences are assembled as soon as their units are whole."""
 
 import logging
-import shutil
 from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, WriterError
 from recorder.dataset.checksums import checksums, read_checksums
-from recorder.dataset.layout import DriveFolder, SequenceFolder
+from recorder.dataset.layout import SequenceFolder
 from recorder.episode.traffic_level import TrafficLevel
-from recorder.replaying.conditions import Condition, Recipe, Unit
+from recorder.replaying.camera_history import nearest_begin_ns, past_s
+from recorder.replaying.conditions import Condition
 from recorder.replaying.plan import ReplayPlan
-from recorder.replaying.sequence_writers import SequenceWriters, outputs_of, write_shared
-from recorder.replaying.spool import SampleCounts, merged, nearest_begin_ns, past_s
+from recorder.replaying.recipe import Unit
+from recorder.replaying.room import check_room
+from recorder.replaying.sequence_writers import outputs_of, write_shared
 from recorder.replaying.unit_work import (
     SHARED,
     STOP,
@@ -27,7 +24,6 @@ from recorder.replaying.unit_work import (
     assemble,
     is_whole,
     make_unit,
-    read_summary,
     release_sensors,
 )
 from recorder.replaying.workers import (
@@ -40,57 +36,6 @@ from recorder.replaying.workers import (
     run_tasks,
 )
 from recorder.replaying.working_folder import WorkingFolder
-
-
-def check_room(
-    recipe: Recipe, unit: Unit, units_dir: Path, *, spools_s: float, sequences_s: float, out: Path
-) -> None:
-    """Compare the size of the remaining files with the free space.
-
-    Args:
-        recipe: Sequences to make of the drive.
-        unit: The first unit, which is whole.
-        units_dir: Folder of all units.
-        spools_s: Time of which spools are yet to be written, at most at once [s].
-        sequences_s: Time of all sequences that are yet to be assembled [s].
-        out: Folder of the dataset.
-
-    Raises:
-        WriterError: the rest does not fit.
-    """
-    files = read_summary(units_dir / unit.name)["files"].values()
-    spools = sum(file["size"] for file in files)
-    try:
-        assembled = _assembled_bytes(recipe, unit, units_dir)
-    except WriterError:
-        # A format may refuse a unit shorter than one of its samples; no format is larger than the spools.
-        assembled = spools
-    needed = (spools_s * spools + sequences_s * assembled) / unit.length_s
-    free = shutil.disk_usage(out).free
-    if needed > free:
-        raise WriterError(
-            f"the rest needs about {needed / 1e9:.3f} GB, and {free / 1e9:.3f} GB are free in {out}; "
-            "make room, or choose fewer conditions, another --format or --topics compact"
-        )
-
-
-def _assembled_bytes(recipe: Recipe, unit: Unit, units_dir: Path) -> int:
-    """Size of a unit as a sequence: formats compress what lies in spools as it is [bytes]."""
-    condition, folder = recipe.conditions_of(unit.level)[0], units_dir / unit.name
-    drive = DriveFolder(units_dir / ".first.part")
-    writers = SequenceWriters(drive, condition, recipe, tuple(read_summary(folder)["streams"]))
-    try:
-        writers.open()
-        for _, number, piece in merged(folder / f"{n}.spool" for n in (SHARED, condition.weather_name)):
-            writers.place(number, piece)
-        writers.close(SampleCounts())
-        return sum(path.stat().st_size for path in drive.path.rglob("*") if path.is_file())
-    except BaseException:
-        writers.abort()
-        raise
-    finally:
-        shutil.rmtree(drive.path, ignore_errors=True)
-
 
 _log = logging.getLogger(__name__)
 

@@ -19,8 +19,9 @@ from recorder.dataset.checksums import write_checksums
 from recorder.dataset.layout import FILM, FORMATS, SEG_BAG, DriveFolder, SequenceFolder
 from recorder.dataset.manifest import SequenceDescription
 from recorder.episode.traffic_level import traffic_level
-from recorder.replaying.conditions import Condition, Recipe
-from recorder.replaying.spool import SampleCounts
+from recorder.replaying.conditions import Condition
+from recorder.replaying.recipe import Recipe
+from recorder.replaying.sample_counts import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, write_text
 from recorder.writers.calibration.files import calibration_texts, write_calibration
 from recorder.writers.formats.colmap import CLEAN_PLATE, ColmapEncoder, ColmapWriter

@@ -18,10 +18,13 @@ from carlaloc_env.core.errors import CarlaLocError, WriterError
 from carlaloc_env.core.freed_memory import give_back_freed_memory
 from recorder.dataset.layout import DriveFolder
 from recorder.episode.traffic_level import TrafficLevel
-from recorder.replaying.conditions import Condition, Recipe, Unit
+from recorder.replaying.camera_history import past_ns
+from recorder.replaying.conditions import Condition
 from recorder.replaying.level_sensors import LevelSensors
+from recorder.replaying.recipe import Recipe, Unit
+from recorder.replaying.sample_counts import SampleCounts
 from recorder.replaying.sequence_writers import SequenceWriters, outputs_of
-from recorder.replaying.spool import SampleCounts, SpoolFile, SpoolWriter, merged, past_ns
+from recorder.replaying.spool import SpoolFile, SpoolWriter, merged
 
 SUMMARY = "unit.json"
 """File that makes a unit's folder whole."""

@@ -23,9 +23,9 @@ from recorder.dataset.readings import ImuSample, StereoPair
 from recorder.dataset.rig_sensors import lidar_of, stereo_of
 from recorder.dataset.scans import Scan
 from recorder.episode.traffic_level import TrafficLevel
-from recorder.replaying.conditions import Recipe
 from recorder.replaying.level_sensors import LevelSensors, Measured
-from recorder.replaying.spool import SampleCounts
+from recorder.replaying.recipe import Recipe
+from recorder.replaying.sample_counts import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, grey
 
 Masks: TypeAlias = tuple[NDArray[np.bool_], NDArray[np.bool_]]

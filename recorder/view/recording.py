@@ -1,14 +1,9 @@
-"""Recordings of rerun: towns and episodes, and the viewer.
-
-A recording of rerun (.rrd): entities named as our frames, all times on the timeline ``stamp``.
-
-A town as a recording: its solid parts by class, lanes, route and traffic lights.
-"""
+"""A recording of rerun (.rrd), entities named as our frames, all times on one timeline; and its viewer."""
 
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -18,18 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.clock import STEP_NS, TICK_NS
-from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.errors import DeviceError, MissingDependencyError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
-from carlaloc_env.core.transforms import matrix_to_quat, quat_rotate, rpy_to_quat
+from carlaloc_env.core.transforms import matrix_to_quat, quat_rotate
 from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
-from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.town.town import Town
-from recorder.episode.episode import Episode
-from recorder.report.town_preview import lane_lines
-from recorder.writers.base import DEFAULT_EPOCH_NS
 
 SUFFIX = ".rrd"
 """Suffix of rerun's files."""
@@ -167,160 +155,3 @@ def open_viewer(recording: Path) -> None:
     status = subprocess.run(words, check=False).returncode
     if status:
         raise DeviceError(f"rerun's viewer ended with exit status {status}; its messages are above")
-
-
-LANE, ROUTE = (60, 210, 255), (255, 120, 20)
-"""Colours of lanes and of the route."""
-
-
-def record_town(town: Town, path: Path, *, overwrite: bool = False) -> Path:
-    """Write a town as a recording.
-
-    Raises:
-        OutputError: the file may not be written.
-        MissingDependencyError: rerun is not installed.
-    """
-    with new_recording(path, town.name, overwrite=overwrite) as recording:
-        log_town(recording, town)
-        recording.show(recording.rerun.blueprint.Spatial3DView(origin=WORLD, name=town.name))
-    return path
-
-
-def log_town(recording: Recording, town: Town) -> None:
-    """Log everything solid, an entity for each class, then lanes, the route and signal lenses."""
-    rerun = recording.rerun
-    solid = town.outline
-    for tag in np.unique(solid.collision_tags).tolist():
-        corners = solid.collision_vertices_m[solid.collision_triangles[solid.collision_tags == tag]]
-        recording.always(
-            f"{WORLD}/town/{Tag(tag).name.lower()}",
-            rerun.Mesh3D(
-                vertex_positions=corners.reshape(-1, 3),
-                vertex_normals=np.repeat(_normals(corners), 3, axis=0),
-                albedo_factor=PALETTE_RGB[tag],
-            ),
-        )
-    log_lanes(recording, lane_lines(town.network))
-    if town.route is not None:
-        recording.path(f"{WORLD}/route", town.route.position_m + np.array([0.0, 0.0, 0.3]), ROUTE, 0.3)
-    lenses = solid.lenses
-    if len(lenses):
-        colours = np.array([(40, 40, 40), (255, 40, 40), (255, 210, 40), (40, 230, 80)], np.uint8)
-        recording.always(
-            f"{WORLD}/signal_lenses",
-            rerun.Points3D(lenses.T_world_lens[:, :3, 3], colors=colours[lenses.state], radii=[0.15]),
-        )
-
-
-def log_lanes(recording: Recording, lines_m: Sequence[Array]) -> None:
-    """Log the centre lines of driving lanes, if there are some."""
-    if lines_m:
-        above = [line + np.array([0.0, 0.0, 0.1]) for line in lines_m]
-        recording.always(f"{WORLD}/lanes", recording.rerun.LineStrips3D(above, colors=[LANE], radii=[0.08]))
-
-
-def _normals(corners_m: Array) -> Array:
-    """Unit normals of triangles (T, 3, 3), shape (T, 3)."""
-    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    unit: Array = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    return unit
-
-
-_EGO_COLOUR, _SIGNALS = (240, 240, 240), ((0, 0, 0), (255, 40, 40), (255, 210, 40), (40, 230, 80))
-"""Colours of the ego, and of signals that are off, red, yellow and green."""
-
-
-def record_episode(episode: Episode, town: Town, path: Path, *, overwrite: bool = False) -> Path:
-    """Write a drive as a recording.
-
-    Args:
-        episode: The drive.
-        town: Its town.
-        path: New file (.rrd).
-        overwrite: Whether an older file is replaced.
-
-    Raises:
-        OutputError: the file may not be written.
-        MissingDependencyError: rerun is not installed.
-    """
-    with new_recording(path, episode.path.name, overwrite=overwrite) as recording:
-        log_town(recording, town)
-        timeline = episode.timeline()
-        _log_ego(recording, episode)
-        _log_actors(recording, timeline, len(episode.steps))
-        _log_signals(recording, town, np.asarray(episode.steps["signals"]))
-        for event in episode.events:
-            text = recording.rerun.TextLog(f"{event.kind} {event.data or ''}".strip())
-            recording.at(event.stamp_ns + DEFAULT_EPOCH_NS, "events", text)
-        blueprint = recording.rerun.blueprint
-        recording.show(
-            recording.world_view(episode.ego["position_m"][0], episode.ego["quat_xyzw"][0]),
-            blueprint.TimeSeriesView(origin="speed_mps", name="speed [m/s]"),
-            blueprint.TimeSeriesView(origin="controls", name="controls"),
-            blueprint.TextLogView(origin="events", name="events"),
-        )
-    return path
-
-
-def _log_ego(recording: Recording, episode: Episode) -> None:
-    ego = episode.ego
-    stamp_ns = np.asarray(ego["tick"], np.int64) * TICK_NS + DEFAULT_EPOCH_NS
-    recording.motion(BASE_LINK, stamp_ns, ego["position_m"], ego["quat_xyzw"])
-    recording.path(f"{WORLD}/driven", ego["position_m"][::20] + np.array([0.0, 0.0, 0.2]), _EGO_COLOUR, 0.1)
-    half_m = 0.5 * np.asarray(EGO_SIZE_M)
-    recording.always(
-        f"{BASE_LINK}/ego",
-        recording.rerun.Boxes3D(
-            centers=[(EGO_REAR_M + half_m[0], 0.0, half_m[2])],
-            half_sizes=[half_m],
-            colors=[_EGO_COLOUR],
-            fill_mode="solid",
-        ),
-    )
-    for name in ("speed_mps", "steer", "throttle", "brake"):
-        entity = name if name == "speed_mps" else f"controls/{name}"
-        recording.columns(entity, stamp_ns, recording.rerun.Scalars.columns(scalars=ego[name]))
-
-
-def _log_actors(recording: Recording, timeline: Timeline, steps: int) -> None:
-    """Boxes of all actors at every step of 50 ms."""
-    catalog = timeline.catalog
-    count = len(catalog)
-    if not (count and steps):
-        return
-    stamp_ns = np.arange(steps, dtype=np.int64) * STEP_NS
-    frames = [timeline.actors_at(int(stamp)) for stamp in stamp_ns]
-    half_m = 0.5 * catalog.size_m.astype(np.float64)
-    centre_m = np.stack([frame.position_m for frame in frames]) + half_m * [0.0, 0.0, 1.0]
-    roll, pitch, heading = (
-        np.stack([getattr(frame, f"{name}_rad") for frame in frames]).astype(np.float64)
-        for name in ("roll", "pitch", "heading")
-    )
-    boxes = recording.rerun.Boxes3D.columns(
-        centers=centre_m.reshape(-1, 3),
-        quaternions=rpy_to_quat(roll, -pitch, heading).reshape(-1, 4),
-        half_sizes=np.tile(half_m, (steps, 1)),
-        class_ids=np.tile(catalog.tag, steps),
-    )
-    boxes = boxes.partition(lengths=np.full(steps, count))
-    recording.columns(f"{WORLD}/actors", stamp_ns + DEFAULT_EPOCH_NS, boxes)
-    recording.always(f"{WORLD}/actors", recording.rerun.Boxes3D.from_fields(fill_mode="solid"))
-
-
-def _log_signals(recording: Recording, town: Town, states: Array) -> None:
-    """The lit lens of every head, whenever one of them changes."""
-    lenses = town.outline.lenses
-    if not (len(lenses) and states.size):
-        return
-    changed = np.flatnonzero(np.append(True, (states[1:] != states[:-1]).any(axis=1)))
-    for step in changed.tolist():
-        lit = states[step][lenses.signal] == lenses.state
-        recording.at(
-            step * STEP_NS + DEFAULT_EPOCH_NS,
-            f"{WORLD}/signals",
-            recording.rerun.Points3D(
-                lenses.T_world_lens[lit, :3, 3],
-                colors=np.array(_SIGNALS, np.uint8)[lenses.state[lit]],
-                radii=[0.35],
-            ),
-        )

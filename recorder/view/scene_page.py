@@ -33,7 +33,7 @@ from recorder.dataset.sequence import SlamSequence
 from recorder.episode.episode import Episode
 from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.report.town_preview import lane_lines, lane_lines_of
+from recorder.report.lane_lines import lane_lines, lane_lines_of
 from recorder.view.sequence_view import COLOURS, TRUTH, every, in_world, jpeg_of
 
 THREE_VERSION = "0.187.0"

@@ -16,8 +16,14 @@ from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.report.town_preview import lane_lines_of
-from recorder.view.recording import BASE_LINK, WORLD, Recording, log_lanes, new_recording
+from recorder.report.lane_lines import lane_lines_of
+from recorder.view.recording import (
+    BASE_LINK,
+    WORLD,
+    Recording,
+    new_recording,
+)
+from recorder.view.town_recording import log_lanes
 
 PERIOD_S = 0.2
 """Time between two clouds, and between two images, that are shown [s]."""

@@ -15,9 +15,10 @@ from recorder.evaluation.associate import Association
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.view.recording import record_episode, record_town
+from recorder.view.episode_recording import record_episode
 from recorder.view.scene_page import page_of_episode, page_of_sequence, page_of_town
 from recorder.view.sequence_view import PERIOD_S, record_sequence
+from recorder.view.town_recording import record_town
 
 
 def write_view(

@@ -1,112 +1,12 @@
-"""Instruments over the live image: what a driver needs, and nothing in the middle of the view.
-
-Text of the window: three sizes of pygame's own font, at the full resolution of the window.
-
-Status of a drive that a window shows beside the world itself.
-"""
+"""Instruments over the live image, with nothing in the middle of the view."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import Any
 
-from carlaloc_env.core.ego import Controls
-from recorder.devices.inputs import HELP_LINES
-
-DARK, WHITE, AMBER, BLUE = (18, 22, 26), (245, 245, 245), (250, 180, 40), (80, 165, 255)
-"""Colours behind text, of text, of warnings and of what is chosen, sRGB."""
-_SIZES = {"small": 1.15, "medium": 1.7, "big": 3.2}
-_FINER = 4
-"""Letters are drawn so much larger and then made smaller: on whole pixels their gaps would differ."""
-_KEPT_TEXTS = 128
-
-
-class Lettering:
-    """Writes on surfaces.
-
-    Args:
-        pygame: The module, initialised.
-        height_px: Height of the window, after which the fonts are sized [px].
-    """
-
-    def __init__(self, pygame: Any, height_px: int) -> None:
-        self._pygame = pygame
-        pygame.font.init()
-        self.unit = max(12, round(height_px / 30))
-        """Size on which all others depend [px]."""
-        self._fonts = {
-            name: pygame.font.Font(None, _FINER * round(self.unit * k)) for name, k in _SIZES.items()
-        }
-        self._text = lru_cache(_KEPT_TEXTS)(self._drawn)
-
-    def write(
-        self,
-        surface: Any,
-        text: str,
-        size: str,
-        position: tuple[float, float],
-        colour: tuple[int, int, int],
-        anchor: str = "bottomleft",
-        *,
-        shadow: bool = False,
-    ) -> None:
-        """Write a line.
-
-        Args:
-            surface: Where.
-            text: What.
-            size: ``small``, ``medium`` or ``big``.
-            position: Pixel at which the anchor lies.
-            colour: Its colour, sRGB.
-            anchor: Point of the text's box, e.g. ``midleft``.
-            shadow: Whether a dark box lies behind it.
-        """
-        drawn = self._text(text, size, colour)
-        box = drawn.get_rect(**{anchor: (round(position[0]), round(position[1]))})
-        if shadow:
-            back = self._pygame.Surface((box.width + 8, box.height + 4), self._pygame.SRCALPHA)
-            back.fill((*DARK, 150))
-            surface.blit(back, (box.left - 4, box.top - 2))
-        surface.blit(drawn, box)
-
-    def _drawn(self, text: str, size: str, colour: tuple[int, int, int]) -> Any:
-        large = self._fonts[size].render(text, True, colour)
-        width, height = large.get_size()
-        small = -(-width // _FINER), -(-height // _FINER)
-        return self._pygame.transform.smoothscale(large, small)
-
-
-@dataclass(slots=True)
-class DriveStatus:
-    """What the window shows beside the world itself."""
-
-    controls: Controls = field(default_factory=Controls)
-    """Controls of the last tick."""
-    device: str = ""
-    """Who drives."""
-    view: int = 0
-    """Number of the camera."""
-    indicator: str = ""
-    """``left``, ``right`` or empty."""
-    headlamps: bool = False
-    """Whether the headlamps are on."""
-    paused: bool = False
-    """Whether time stands still."""
-    help: bool = False
-    """Whether the keys are shown."""
-    buttons: Mapping[str, int] = field(default_factory=dict)
-    """Button of each command on wheel or pad."""
-    message: str | None = None
-    """Line for the driver."""
-    slow: float | None = None
-    """World over real time when too slow."""
-    size_mb: float = 0.0
-    """Size of the recording [MB]."""
-    faults: int = 0
-    """Violations and collisions."""
-    warnings: tuple[str, ...] = ()
-    """Names of present violations."""
-
+from recorder.devices.keys import HELP_LINES
+from recorder.window.drive_status import DriveStatus
+from recorder.window.lettering import AMBER, BLUE, DARK, WHITE, Lettering
 
 _GREY, _RED, _GREEN = (150, 156, 162), (235, 60, 50), (70, 200, 90)
 _LIGHTS = {"red": _RED, "yellow": AMBER, "green": _GREEN}

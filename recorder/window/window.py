@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import DeviceError
 from recorder.devices.inputs import import_pygame
-from recorder.window.hud import BLUE, DARK, WHITE, Hud, HudState, Lettering
+from recorder.window.hud import Hud, HudState
+from recorder.window.lettering import (
+    BLUE,
+    DARK,
+    WHITE,
+    Lettering,
+)
 
 WINDOW_PX = (960, 540)
 """Size of the window [px]."""

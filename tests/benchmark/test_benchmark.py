@@ -12,7 +12,7 @@ import pytest
 from shared_fixtures.readings.slam_dataset import write_dataset
 
 from carlaloc_env.core.errors import ConfigError
-from recorder.benchmark import results
+from recorder.benchmark import score as scoring
 from recorder.benchmark.plan import find_sequences, plan_jobs
 from recorder.benchmark.results import RESULT
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
@@ -220,5 +220,5 @@ def test_a_camera_is_judged_over_the_time_of_its_images() -> None:
     level = np.tile([0.0, 0.0, 0.0, 1.0], (len(way_m), 1))
     truth = Trajectory(stamp_ns=stamp_ns, position_m=way_m, quat_xyzw=level)
     images = SimpleNamespace(image_stamps=lambda: np.arange(2_000_000_000, 5_000_000_001, 100_000_000))
-    seen = results._seen(truth, images)  # type: ignore[arg-type]
+    seen = scoring._seen(truth, images)  # type: ignore[arg-type]
     assert (seen.stamp_ns[0], seen.stamp_ns[-1]) == (1_900_000_000, 5_100_000_000)

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from recorder.benchmark.cells import best, cells, ratios
-from recorder.benchmark.results import Score
+from recorder.benchmark.score import Score
 from recorder.benchmark.tables import cost_table, error_table, frame_of
 
 

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import pytest
 
 from carlaloc_env.core.errors import EvaluationError
-from recorder.benchmark.cells import FINDINGS, LARGER, NONE, Finding, answer, cells, direction, ratios
-from recorder.benchmark.results import Score
+from recorder.benchmark.cells import cells, ratios
+from recorder.benchmark.score import Score
 from recorder.benchmark.tables import csv_text, failure_table, frame_of
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "findings" / "findings.py"
@@ -23,6 +23,7 @@ findings = importlib.util.module_from_spec(spec)
 sys.path.insert(0, str(SCRIPT.parent))
 spec.loader.exec_module(findings)
 sys.path.remove(str(SCRIPT.parent))
+paper = sys.modules["paper_findings"]
 
 
 def score(town: str, traffic: str, ape_m: float, run: int = 1, cloud: str = "raw") -> Score:
@@ -68,32 +69,33 @@ def test_the_findings_that_are_asked_for_are_those_of_the_papers_tables() -> Non
         "stereo": "orb3_svo",
         "stereo-inertial": "orb3_svio",
     }
-    for finding in FINDINGS:
+    for finding in paper.FINDINGS:
         row = found.loc[(methods[finding.kind], finding.what)]
-        assert (round(float(row["median"]), 2), direction(row)) == (finding.median, finding.direction), (
-            finding
-        )
+        assert (round(float(row["median"]), 2), paper.direction(row)) == (
+            finding.median,
+            finding.direction,
+        ), finding
 
 
 @pytest.mark.parametrize(
     ("true", "larger", "smaller", "within", "said"),
     [
-        (LARGER, 4, 0, 0, "reproduced"),
-        (LARGER, 4, 0, 3, "partly"),
-        (LARGER, 0, 4, 0, "not"),
-        (LARGER, 2, 2, 0, "not"),
-        (LARGER, 2, 0, 0, "untested"),
-        (NONE, 2, 2, 0, "reproduced"),
-        (NONE, 0, 4, 0, "reproduced"),
-        (NONE, 4, 0, 3, "partly"),
-        (NONE, 4, 0, 0, "not"),
+        (paper.LARGER, 4, 0, 0, "reproduced"),
+        (paper.LARGER, 4, 0, 3, "partly"),
+        (paper.LARGER, 0, 4, 0, "not"),
+        (paper.LARGER, 2, 2, 0, "not"),
+        (paper.LARGER, 2, 0, 0, "untested"),
+        (paper.NONE, 2, 2, 0, "reproduced"),
+        (paper.NONE, 0, 4, 0, "reproduced"),
+        (paper.NONE, 4, 0, 3, "partly"),
+        (paper.NONE, 4, 0, 0, "not"),
     ],
 )
 def test_verdicts(true: str, larger: int, smaller: int, within: int, said: str) -> None:
-    finding = Finding("a", "LiDAR", "b", 2.0, true)
+    finding = paper.Finding("a", "LiDAR", "b", 2.0, true)
     pairs = larger + smaller
     ratio = SimpleNamespace(pairs=pairs, larger=larger, smaller=smaller, repeated=pairs, within=within)
-    assert answer(finding, ratio) == said
+    assert paper.answer(finding, ratio) == said
 
 
 def our_row(scores: Sequence[Score]) -> list[str]:

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.slam_dataset import write_dataset
 
-from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
 from recorder.benchmark.page import write_page
+from recorder.benchmark.plots import (
+    Box,
+    Line,
+    box_plot,
+    curve_plot,
+    map_plot,
+    real_time_plot,
+)
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -49,7 +56,7 @@ def filled(figure: str, colour: str) -> np.ndarray:
 def test_a_map_keeps_the_shape_of_a_path() -> None:
     truth = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]])
     line = Line(label='a & "b"', colour="#000000", x=truth[:, 0], y=truth[:, 1])
-    points = drawn(map_figure(truth, [line], []), 'a & "b"')
+    points = drawn(map_plot(truth, [line], []), 'a & "b"')
     east, north = points[1] - points[0], points[2] - points[1]
     assert east[1] == pytest.approx(0.0, abs=0.01)
     assert north[0] == pytest.approx(0.0, abs=0.01)
@@ -60,7 +67,7 @@ def test_long_curves_keep_their_peaks_and_say_where_zero_is() -> None:
     x, y = np.arange(50_000.0), np.zeros(50_000)
     y[31_234] = 7.0
     line = Line(label="l", colour="#111111", x=x, y=y)
-    figure = curve_figure([line], "time [s]", "error [m]", name="s0")
+    figure = curve_plot([line], "time [s]", "error [m]", name="s0")
     assert "l: 7.000 m at 31234.0 s" in [title.text for title in ET.fromstring(figure).iter(f"{SVG}title")]
     points = drawn(figure, "l")
     assert len(points) < 100
@@ -78,7 +85,7 @@ def test_boxes_show_failures() -> None:
         Box(label="at times", colour="#222222", values=values, failed=1, runs=3),
         Box(label="never", colour="#333333", values=np.zeros(0), failed=3, runs=3),
     ]
-    figure = box_figure(boxes, "APE [m]")
+    figure = box_plot(boxes, "APE [m]")
     assert re.findall("✕ [^<]*", figure) == ["✕ 1 of 3 fail", "✕ fail"]
     assert len(filled(figure, "#333333")) == 0  # no box where there is nothing to sum up
     first, second = filled(figure, "#111111"), filled(figure, "#222222")
@@ -95,7 +102,7 @@ def test_boxes_show_failures() -> None:
 
 def test_bars_of_run_time_are_logarithmic() -> None:
     bars = [(f"s{k}", f"#11111{k}", ratio) for k, ratio in enumerate((0.1, 1.0, 10.0))]
-    figure = real_time_figure(bars)
+    figure = real_time_plot(bars)
     ends = [filled(figure, colour)[:, 0].max() for _, colour, _ in bars]
     assert ends[2] - ends[1] == pytest.approx(ends[1] - ends[0], abs=0.01)
     assert ends[1] > ends[0] + 50

@@ -9,9 +9,14 @@ from shared_fixtures.drives.straight_drives import RIG, StraightDrive
 
 from carlaloc_env.core.errors import ConfigError
 from recorder.cli.main import main
-from recorder.laboratory.breaking import Range, distance, ranges_of, setting_at
+from recorder.laboratory.search_space import (
+    Range,
+    distance,
+    ranges_of,
+    setting_at,
+)
 from recorder.laboratory.sweep import Setting
-from recorder.replaying.conditions import ConditionFile
+from recorder.replaying.condition_file import ConditionFile
 
 FRAGILE = """
 import numpy as np

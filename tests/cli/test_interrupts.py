@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from recorder.cli.terminal import Progress, ended_as_by_ctrl_c, raise_again
+from recorder.cli.interrupts import ended_as_by_ctrl_c, raise_again
+from recorder.cli.progress import Progress
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals as on POSIX")
 

@@ -13,7 +13,7 @@ from shared_fixtures.processes.commands import all_commands, required_words
 from recorder.cli.arguments import input_path
 from recorder.cli.commands import info
 from recorder.cli.main import main
-from recorder.cli.terminal import to_json
+from recorder.cli.output import to_json
 
 Capture = pytest.CaptureFixture[str]
 COMMANDS = [pytest.param(words, parser, id=" ".join(words)) for words, parser in all_commands()]

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from recorder.cli.commands.replay import _of_noise_seeds
-from recorder.replaying.plan import ReplayConfig
+from recorder.replaying.options import ReplayConfig
 
 CONFIG = ReplayConfig(episode=Path("drive.mcap"), out=Path("data"), seed=5)
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from recorder.cli import terminal as progress_module
-from recorder.cli.terminal import Progress
+from recorder.cli import progress as progress_module
+from recorder.cli.progress import Progress
 
 LINE = r"replaying: (\d+) of 60 s, ([\d.]+) s/s, 00:(\d\d) left, fog"
 
@@ -101,7 +101,7 @@ def test_a_log_file_tells_more_than_the_terminal(tmp_path: Path) -> None:
     script = """
 import logging, sys
 from pathlib import Path
-from recorder.cli.terminal import logged_to
+from recorder.cli.output import logged_to
 from recorder.cli.main import main
 main(["list", "traffic", "--json"])
 log = logging.getLogger("recorder.factory")

@@ -14,8 +14,9 @@ from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.envs.task.state_vector import state_names
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.cli.main import main
-from recorder.laboratory.estimated_pose_env import ENDED_BY, EstimatedPoseEnv, StepDriver
+from recorder.laboratory.estimated_pose_env import ENDED_BY, EstimatedPoseEnv
 from recorder.laboratory.pose_source import KnownError, SystemPose
+from recorder.laboratory.step_driver import StepDriver
 
 SENSORS = "sensors:\n- {kind: lidar, columns: 40, outputs: [cloud]}\n- {kind: imu}\n"
 RIG = SensorRig.from_yaml("name: few\n" + SENSORS)

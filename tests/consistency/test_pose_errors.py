@@ -26,7 +26,8 @@ from recorder.evaluation.covariance_files import read_covariances, write_covaria
 from recorder.evaluation.se3 import adjoint, composed_covariance, cross_matrix, log_se3, moved_covariance
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum, write_tum
-from recorder.laboratory.pose_statistics import Run, consistency_of, pose_errors
+from recorder.laboratory.pose_errors import Run, pose_errors
+from recorder.laboratory.pose_statistics import consistency_of
 
 STEP_NOISE = np.diag([0.02, 0.01, 0.01, 0.001, 0.001, 0.002]) ** 2
 STEP_NOISE[0, 5] = STEP_NOISE[5, 0] = 1e-5

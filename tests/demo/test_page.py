@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 from shared_fixtures.processes.browser import WIDTHS_PX, Browser
 
-from recorder.benchmark.results import Score
-from recorder.demo.story import EXTRAS, LOOK, TRAFFIC, Scores, write_index
+from recorder.benchmark.score import Score
+from recorder.demo.page import EXTRAS, write_index
+from recorder.demo.story import LOOK, TRAFFIC, Scores
 from recorder.evaluation.path_errors import PathErrors
 
 

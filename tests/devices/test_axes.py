@@ -11,16 +11,21 @@ from hypothesis import strategies as st
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.physics.params import VehicleParams
+from recorder.devices.axis_shape import AxisShape, shape_axis
 from recorder.devices.calibrate import find_axis, make_profile
-from recorder.devices.human import Filter, KeyPedals, KeySteering, steer_limit, wheel_steer
+from recorder.devices.control_shaping import (
+    Filter,
+    KeyPedals,
+    KeySteering,
+    steer_limit,
+    wheel_steer,
+)
 from recorder.devices.profile import (
-    AxisShape,
     DeviceProfile,
     known_profiles,
     match_profile,
     read_profile,
     save_profile,
-    shape_axis,
 )
 
 PEDAL = AxisShape(axis=2, rest=1.0, full=-1.0, gamma=1.3)

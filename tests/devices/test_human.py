@@ -15,7 +15,8 @@ from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.base import Command
-from recorder.devices.human import HumanDevice, wheel_steer
+from recorder.devices.control_shaping import wheel_steer
+from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
 from recorder.devices.profile import known_profiles, read_profile
 from recorder.devices.virtual_stick import GAMEPAD, WHEEL

@@ -18,14 +18,16 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.traffic_config import traffic_of_town
 from recorder.cli.main import main
 from recorder.devices.human import HumanDevice
-from recorder.devices.inputs import BACK, FORWARD, Press
-from recorder.drive.listeners import EpisodeListener
+from recorder.devices.inputs import Press
+from recorder.devices.keys import BACK, FORWARD
+from recorder.drive.episode_listener import EpisodeListener
+from recorder.drive.pacer import Pacer
 from recorder.drive.record import RecordConfig, _arrived, record
-from recorder.drive.session import DriveSession, Pacer
+from recorder.drive.session import DriveSession
 from recorder.episode.episode import Episode
 from recorder.episode.summary import summarise
 from recorder.episode.writer import EpisodeWriter
-from recorder.window.hud import DriveStatus
+from recorder.window.drive_status import DriveStatus
 
 Plan = Callable[[DrivingWorld, int], tuple[set[int], str]]
 """Keys held and pressed, after the world and the number of the picture."""
@@ -185,7 +187,8 @@ def test_a_stuck_car_is_offered_the_restart(
         return held, "\x1b" if number == 260 else ""
 
     monkeypatch.setattr(
-        "recorder.devices.human.KeyPedals.update", lambda self, forward, back: (0.9 * forward, 1.0 * back)
+        "recorder.devices.control_shaping.KeyPedals.update",
+        lambda self, forward, back: (0.9 * forward, 1.0 * back),
     )
     eyes, _ = drive(straight_map, tmp_path / "a.mcap", plan, monkeypatch)
     offered = [
@@ -205,7 +208,7 @@ class Car:
 
 def test_touches_of_one_wall_are_one_collision(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Eight touches of a car that is pushed, with pauses; a car beside it; away and back to the wall."""
-    monkeypatch.setattr("recorder.drive.listeners.ego_row", lambda *_: None)
+    monkeypatch.setattr("recorder.drive.episode_listener.ego_row", lambda *_: None)
     monkeypatch.setattr(EpisodeWriter, "ego", lambda *_: None)
     out = tmp_path / "a.mcap"
     listener = EpisodeListener(lambda catalog: EpisodeWriter(out, header_of(0)))

@@ -3,7 +3,7 @@
 import pytest
 
 from carlaloc_env.core.clock import TICK_S
-from recorder.drive.session import MOST_TICKS, Pacer
+from recorder.drive.pacer import MOST_TICKS, Pacer
 
 
 class Clock:

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.drives.driven_again import assert_same_again
 
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.driving.driver_view import DriverView
 from recorder.devices.human import HumanDevice
 from recorder.drive.record import RecordConfig, record
-from recorder.drive.resimulate import resimulate
 from recorder.episode.episode import Episode
 from recorder.window.window import WINDOW_PX
 
@@ -112,7 +112,7 @@ def test_keyboard_drive_with_pause_restart_and_views(
     assert kept.ego[: checkpoint + 2].tobytes() == given_up.ego[: checkpoint + 2].tobytes()
     assert any(event.kind == "checkpoint" for event in kept.events)
     assert np.ptp(kept.ego["position_m"][:, :2], axis=0).max() > 0.2
-    assert resimulate(out, map=straight_map).first_difference_tick is None
+    assert_same_again(out, straight_map)
 
 
 def test_a_recording_takes_the_weather_as_a_schedule(straight_map: Path, tmp_path: Path) -> None:

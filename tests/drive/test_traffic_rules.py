@@ -13,7 +13,7 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.traffic_config import traffic_of_town
-from recorder.drive.listeners import RuleMonitor
+from recorder.drive.rule_monitor import RuleMonitor
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from recorder import factory
 from recorder.cli.main import main
 from recorder.dataset.checksums import checksums, read_checksums
 from recorder.dataset.manifest import DatasetManifest
-from recorder.factory import DatasetConfig, copy_manifest, make_dataset, plan_dataset
-from recorder.replaying import plan as plans
-from recorder.replaying.plan import ReplayOptions
+from recorder.factory import DatasetConfig, make_dataset, plan_dataset
+from recorder.replaying import cost
+from recorder.replaying.options import ReplayOptions
 from recorder.verification.verify import verify
 
 
@@ -63,10 +63,9 @@ def test_a_dataset_is_made_kept_and_made_again(
     assert verify(config.out).findings == ()
     with pytest.raises(WriterError, match="other weathers"):
         make_dataset(replace(config, replay=replace(config.replay, weathers=("ClearNoon",))))
-    copy_manifest(config.out, tmp_path / "manifest")
-    again = config_of(tmp_path / "again", tmp_path / "manifest" / "episodes")
+    again = config_of(tmp_path / "again", config.out / "episodes")
     make_dataset(again)
-    assert checksums(again.out) == read_checksums(tmp_path / "manifest")
+    assert checksums(again.out) == read_checksums(config.out)
 
 
 def test_too_little_room_is_told_after_the_first_unit_and_the_same_call_goes_on(
@@ -80,7 +79,7 @@ def test_too_little_room_is_told_after_the_first_unit_and_the_same_call_goes_on(
             make_dataset(config)
         assert not list(config.out.rglob("*.spool"))
         # An estimate that is too small by far leaves it to the first unit.
-        patch.setattr(plans, "SIZE_ERROR", 1.0)
+        patch.setattr(cost, "SIZE_ERROR", 1.0)
         with pytest.raises(WriterError, match="1 parts are whole, and the same command resumes") as failure:
             make_dataset(config)
     told = re.search(r"the rest needs about (\S+) GB, and 0\.000 GB are free in", str(failure.value))

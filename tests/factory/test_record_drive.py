@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from recorder.cli.main import main
+from recorder.drive.standard_drives import standard_drives
 from recorder.episode.episode import Episode
-from recorder.factory import standard_drives
 
 
 def test_drives_are_recorded_once_and_to_their_ends(

@@ -12,13 +12,13 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.bags.reader import open_bag
-from recorder.benchmark.results import BenchmarkConfig
+from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.run import run_benchmark
 from recorder.cli.main import main
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest
-from recorder.replaying.conditions import ConditionFile
-from recorder.replaying.plan import ReplayOptions
+from recorder.replaying.condition_file import ConditionFile
+from recorder.replaying.options import ReplayOptions
 from recorder.replaying.replay import replay
 from recorder.streaming.drive import DriveConfig
 

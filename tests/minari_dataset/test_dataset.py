@@ -19,9 +19,10 @@ from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.traffic_config import traffic_of_town
 from recorder.cli.main import main
-from recorder.drive.listeners import EpisodeListener
-from recorder.episode.writer import EpisodeHeader, EpisodeWriter
-from recorder.minari import MinariConfig, write_minari
+from recorder.drive.episode_listener import EpisodeListener
+from recorder.episode.episode import EpisodeHeader
+from recorder.episode.writer import EpisodeWriter
+from recorder.minari.dataset import MinariConfig, write_minari
 
 TRAFFIC = "dynamic,vehicles=3,walkers=0"
 SEED = 3
@@ -160,7 +161,7 @@ def test_stretches_in_memory_join_without_a_seam(
     pytest.importorskip("minari", reason="data sets need the extra `minari`")
     found = []
     for number, chunk in enumerate((256, 7)):
-        monkeypatch.setattr("recorder.minari._CHUNK", chunk)
+        monkeypatch.setattr("recorder.minari.dataset._CHUNK", chunk)
         out = tmp_path / f"drive-v{number}"
         write_minari(MinariConfig(episodes=(drive,), out=out, map=straight_map))
         found.append(next(iter(_load(out).iterate_episodes())))

@@ -15,7 +15,6 @@ from recorder.cli.main import main
 from recorder.dataset.checksums import checksums
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.publishing import prepare
-from recorder.publishing import prepare as tables
 from recorder.publishing.prepare import prepare_for_hub
 from recorder.replaying.replay import ReplayConfig, replay
 
@@ -103,7 +102,7 @@ def test_a_failure_leaves_nothing_behind(
         raise OSError("No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(tables, "conditions", fail)
+        patch.setattr(prepare, "conditions", fail)
         with pytest.raises(OutputError, match="No space left on device; choose another place"):
             prepare_for_hub(dataset, tmp_path / "hub")
     assert list(tmp_path.iterdir()) == []

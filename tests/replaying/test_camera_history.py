@@ -9,9 +9,9 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.rigs.presets import rig_by_name
-from recorder.replaying.plan import without_unwritten
+from recorder.replaying.camera_history import nearest_begin_ns, past_s
+from recorder.replaying.options import without_unwritten
 from recorder.replaying.replay import replay
-from recorder.replaying.spool import nearest_begin_ns, past_s
 
 S = 1_000_000_000
 

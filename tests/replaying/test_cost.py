@@ -9,7 +9,14 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from carlaloc_env.core.errors import WriterError
 from recorder.cli.commands import record
 from recorder.cli.main import main
-from recorder.replaying.plan import SIZE_ERROR, ReplayCost, ReplayOptions, plan_replay, replay_cost, size_of
+from recorder.replaying.cost import (
+    SIZE_ERROR,
+    ReplayCost,
+    replay_cost,
+    size_of,
+)
+from recorder.replaying.options import ReplayOptions
+from recorder.replaying.plan import plan_replay
 from recorder.replaying.replay import replay
 
 FULL_RIG = """\

@@ -11,7 +11,7 @@ from shared_fixtures.readings.bag_samples import cloud_of
 from carlaloc_env.samples import PointCloud, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from recorder.cli.main import main
-from recorder.replaying.spool import SampleCounts
+from recorder.replaying.sample_counts import SampleCounts
 
 SEQUENCE = """\
 name: ClearNoon_dynamic

@@ -10,7 +10,7 @@ from carlaloc_env.core.clock import STEP_NS
 from recorder.dataset.checksums import checksums
 from recorder.dataset.layout import FORMATS
 from recorder.episode.traffic_level import traffic_level
-from recorder.replaying.conditions import units_of
+from recorder.replaying.recipe import units_of
 from recorder.replaying.replay import replay
 
 S = 1_000_000_000

@@ -16,8 +16,9 @@ from shared_fixtures.processes.small_disks import small_disk
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.file_locks import _boot
 from recorder.dataset.checksums import checksums
-from recorder.replaying import conditions, run
+from recorder.replaying import cost, run
 from recorder.replaying import plan as replay_plan
+from recorder.replaying.code_digest import code_digest
 from recorder.replaying.replay import ReplayConfig, replay
 from recorder.replaying.working_folder import FOLDER, OWNER, WorkingFolder
 
@@ -69,7 +70,7 @@ def test_other_code_does_not_go_on(
 ) -> None:
     config = straight_drive.config(tmp_path / "data")
     left_unfinished(config, monkeypatch)
-    assert len(conditions.code_digest()) == 64
+    assert len(code_digest()) == 64
     monkeypatch.setattr(replay_plan, "code_digest", lambda: "other")
     with pytest.raises(WriterError, match="another version of CarlaLoc"):
         replay(config)
@@ -139,7 +140,7 @@ def test_a_full_disk_is_one_line_and_with_room_the_same_command_goes_on(
     straight_drive: StraightDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Else it would be refused before it begins.
-    monkeypatch.setattr(replay_plan, "SIZE_ERROR", 1.0)
+    monkeypatch.setattr(cost, "SIZE_ERROR", 1.0)
     replay(straight_drive.config(tmp_path / "whole"))
     whole = checksums(tmp_path / "whole")
     size = sum(len(data) for data in files(tmp_path / "whole").values())

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from recorder.evaluation.path_errors import PathErrors
-from recorder.report.trajectory_plot import plot_conditions
+from recorder.report.condition_plot import plot_conditions
 
 
 def test_the_picture_of_conditions_has_a_row_for_each_system(tmp_path: Path) -> None:

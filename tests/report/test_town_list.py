@@ -6,7 +6,7 @@ import pytest
 
 from carlaloc_env.map.checks.report import check_map
 from carlaloc_env.map.sources import find_town
-from recorder.report.town_preview import list_towns
+from recorder.report.town_list import list_towns
 
 
 def test_sizes_are_those_of_the_check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

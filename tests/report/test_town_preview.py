@@ -9,7 +9,7 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import from_rotation
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.standing_traffic import standing_traffic
-from recorder.report.town_preview import ROUTE, SPAWN, MapView
+from recorder.report.town_map import ROUTE, SPAWN, MapView
 
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
 

@@ -10,7 +10,7 @@ from shared_fixtures.processes.external_programs import EXTERNAL, missing_progra
 from shared_fixtures.readings.slam_dataset import write_dataset
 
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
-from recorder.replaying.plan import ReplayConfig
+from recorder.replaying.options import ReplayConfig
 from recorder.replaying.replay import replay
 
 

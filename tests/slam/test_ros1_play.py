@@ -11,8 +11,8 @@ from shared_fixtures.processes.external_programs import SYSTEM_PYTHON, missing_r
 from shared_fixtures.readings.slam_dataset import SWEEP_NS, sweep, write_dataset
 
 from carlaloc_env.scene.semantic_tags import Tag
-from recorder.benchmark.results import Score
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
+from recorder.benchmark.score import Score
 
 SWEEPS = 8
 NODE = """

@@ -18,10 +18,10 @@ from shared_fixtures.processes.lifecycles import runs
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.errors import CarlaLocError, EpisodeError
-from recorder.benchmark.results import BenchmarkConfig
+from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.run import BenchmarkResult, run_benchmark
 from recorder.cli.main import main
-from recorder.replaying.plan import ReplayOptions
+from recorder.replaying.options import ReplayOptions
 from recorder.replaying.replay import replay
 from recorder.slam.worker import ESTIMATE
 from recorder.streaming.drive import DriveConfig

@@ -10,10 +10,11 @@ import pytest
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.weather.presets import changed_weather, weather_word
-from recorder.benchmark.results import Score
+from recorder.benchmark.score import Score
 from recorder.evaluation.confidence import mean_interval
 from recorder.laboratory.sweep import Axis, Point, Setting
-from recorder.laboratory.sweep_run import areas_of, curves_of, row_of
+from recorder.laboratory.sweep_curves import areas_of, curves_of
+from recorder.laboratory.sweep_run import row_of
 
 
 def test_axes_are_even_in_value_or_logarithm() -> None:

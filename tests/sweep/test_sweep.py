@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from shared_fixtures.drives.straight_drives import RIG
 
-from recorder.benchmark.results import BenchmarkConfig
+from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.run import run_benchmark
 from recorder.cli.main import main
 from recorder.drive.record import RecordConfig, record
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.replaying.plan import ReplayOptions
+from recorder.replaying.options import ReplayOptions
 from recorder.slam.worker import ESTIMATE
 from recorder.streaming.drive import DriveConfig
 

@@ -10,10 +10,11 @@ from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.map.sources import find_town
 from recorder.cli.main import main
 from recorder.episode.actor_messages import actor_frames
-from recorder.episode.edit import _write
+from recorder.episode.edit import write_episode
 from recorder.episode.episode import Episode
 from recorder.episode.episode_town import town_id_of
-from recorder.replaying.plan import ReplayConfig, plan_replay
+from recorder.replaying.options import ReplayConfig
+from recorder.replaying.plan import plan_replay
 
 EVIL_RIG = """\
 name: evil
@@ -28,7 +29,7 @@ def renamed(source: Path, out: Path, map_name: str, town_hash: str | None = None
     episode = Episode.load(source)
     header = replace(episode.header, map_name=map_name, town_hash=town_hash or episode.header.town_hash)
     frames = actor_frames(episode.steps)
-    _write(out, header, episode.ego, frames, episode.steps["signals"], [], overwrite=False)
+    write_episode(out, header, episode.ego, frames, episode.steps["signals"], [], overwrite=False)
     return out
 
 

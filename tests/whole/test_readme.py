@@ -14,7 +14,8 @@ from recorder.cli.arguments import replay_options
 from recorder.cli.main import COMMANDS, main, make_parser
 from recorder.demo.story import DemoConfig, cost_of
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.replaying.plan import ReplayOptions, replay_cost
+from recorder.replaying.cost import replay_cost
+from recorder.replaying.options import ReplayOptions
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import DeviceError, MapError
-from recorder.window.start_screen import Opening
+from recorder.window.opening import Opening
 
 pygame = pytest.importorskip("pygame")
 

@@ -25,8 +25,10 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.traffic_config import traffic_of_town
 from carlaloc_env.weather.presets import weather_by_name
 from recorder.window.cockpit import present_of
-from recorder.window.hud import DriveStatus
-from recorder.window.render_process import FIRST_PX, LiveView, RenderProcess
+from recorder.window.drive_status import DriveStatus
+from recorder.window.live_resolution import FIRST_PX
+from recorder.window.live_view import LiveView
+from recorder.window.render_process import RenderProcess
 from recorder.window.window import WINDOW_PX
 
 pytest.importorskip("moderngl")

@@ -6,7 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from recorder.window.render_process import BUDGET_S, FIRST_PX, SIZES_PX, LiveResolution
+from recorder.window.live_resolution import (
+    BUDGET_S,
+    FIRST_PX,
+    SIZES_PX,
+    LiveResolution,
+)
 from recorder.window.window import WINDOW_PX
 
 LARGEST = WINDOW_PX[0] * WINDOW_PX[1]

@@ -8,10 +8,6 @@ Examples:
   carlaloc benchmark data --out scores --methods my_system.py --fail-above 0.5
   carlaloc benchmark data --out scores --again failed
   carlaloc benchmark data --out scores --rerun
-
-Sensor data of a drive are made while systems read them, and are not kept on the disk. Results are kept: a
-second call does new runs only, and failed ones with --again failed. The exit code is 1 when every run
-failed, or by --fail-above.
 """
 
 from __future__ import annotations
@@ -35,14 +31,20 @@ from recorder.cli.arguments import (
     option,
     positive_int,
 )
-from recorder.cli.terminal import Progress
+from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
     from recorder.streaming.drive import DriveConfig
 
+NOTE = """Sensor data of a drive are made while systems read them, and are not kept on the disk.
+Results are kept: a second call does new runs only, and failed ones with --again failed.
+The exit code is 1 when every run failed, or by --fail-above."""
+"""Text below the options of ``--help``."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc benchmark`."""
+    parser.epilog = NOTE
     parser.add_argument(
         "data", type=input_path, nargs="*", help="folder with sequences, or drives (.mcap), one or more"
     )
@@ -83,7 +85,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         result = run_benchmark(config, progress.pieces)
     files = write_benchmark_report(result)
     if arguments.rerun:
-        from recorder.benchmark.page import write_recordings
+        from recorder.benchmark.recordings import write_recordings
 
         files += write_recordings(result)
     failures = result.failures
@@ -131,7 +133,7 @@ def _data(arguments: argparse.Namespace, out: Path) -> Path | DriveConfig:
     if not drives and len(given) == 1:
         return given[0]
     if arguments.standard:
-        from recorder.factory import standard_drives
+        from recorder.drive.standard_drives import standard_drives
 
         with Progress("drives", unit="towns") as progress:
             given = drives = list(standard_drives(out / "episodes", progress.update))
@@ -157,7 +159,7 @@ def check_tools() -> None:
 
 def show(result: dict[str, Any]) -> None:
     """Print the tables of errors and cost, and a line for each failed run."""
-    from recorder.benchmark.results import Score
+    from recorder.benchmark.score import Score
     from recorder.benchmark.tables import all_tables, frame_of
 
     for title, table in all_tables(frame_of([Score(**score) for score in result["scores"]])):

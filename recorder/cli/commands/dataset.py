@@ -23,7 +23,8 @@ from recorder.cli.arguments import (
     replay_options,
     seed,
 )
-from recorder.cli.terminal import Progress, logged_to
+from recorder.cli.output import logged_to
+from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
     from recorder.factory import DatasetConfig, DatasetPlan
@@ -43,19 +44,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=seed, help="seed of traffic and driver; else that of each town's standard drive"
     )
-    parser.add_argument(
-        "--pace", choices=("lights", "wave"), default="lights",
-        help="lights as they fall (default), or a green wave for the ego",
-    )  # fmt: skip
-    option(parser, "--manifest", OutputFolder(), "DIR", "also write drives, recipe and checksums there")
     option(parser, "--hub", OutputFolder(), "DIR", "also prepare it there for a hub; nothing is sent")
     parser.add_argument("--yes", action="store_true", help="do not ask")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Plan, ask, make."""
-    from recorder.factory import ROUTE_M, DatasetConfig, copy_manifest, make_dataset, plan_dataset, town_names
-    from recorder.replaying.plan import ReplayOptions
+    from recorder.drive.standard_drives import ROUTE_M
+    from recorder.factory import (
+        DatasetConfig,
+        make_dataset,
+        plan_dataset,
+        town_names,
+    )
+    from recorder.replaying.options import ReplayOptions
 
     config = DatasetConfig(
         out=arguments.out,
@@ -63,7 +65,6 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         episodes=arguments.episodes,
         sample_s=arguments.sample,
         seed=arguments.seed,
-        pace=arguments.pace,
         replay=ReplayOptions(**replay_options(arguments)),
     )
     if arguments.hub is not None:
@@ -77,8 +78,6 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     arguments.out.mkdir(parents=True, exist_ok=True)
     with logged_to(arguments.out / LOG, "recorder"), Progress("dataset") as progress:
         path = make_dataset(config, progress.update)
-    if arguments.manifest is not None:
-        copy_manifest(arguments.out, arguments.manifest)
     if arguments.hub is not None:
         from recorder.publishing.prepare import prepare_for_hub
 

@@ -17,7 +17,8 @@ from typing import Any
 
 from carlaloc_env.core.files.file_locks import take_lock
 from recorder.cli.arguments import OutputFolder, option, positive_seconds, seconds
-from recorder.cli.terminal import Progress, announced
+from recorder.cli.output import announced
+from recorder.cli.progress import Progress
 
 UNFINISHED = ".carlaloc-demo"
 """File that marks the folder of an unfinished demo; locked, so that one run works at a time."""
@@ -43,7 +44,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     began = time.monotonic()
     from recorder.demo.run import run_demo
     from recorder.demo.story import DemoConfig, cost_of
-    from recorder.replaying.conditions import code_digest
+    from recorder.replaying.code_digest import code_digest
 
     options = {name: getattr(arguments, name) for name in ("duration", "camera_start", "camera_duration")}
 

@@ -155,7 +155,7 @@ def _judge_maps(
     arguments: argparse.Namespace, result: EvaluationResult
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Scores of maps as JSON values, and their pictures."""
-    from recorder.cli.terminal import Progress
+    from recorder.cli.progress import Progress
     from recorder.laboratory.map_truth import MapJudge, MapTruthConfig, transform_of_map
     from recorder.laboratory.surface_cloud import read_map
 
@@ -170,7 +170,7 @@ def _judge_maps(
     found = [judge.judge(points, transform_of_map(result), name=str(path)) for path, points in clouds]
     pictures: list[str] = []
     if arguments.plot is not None:
-        from recorder.report.trajectory_plot import plot_map
+        from recorder.report.map_plot import plot_map
 
         for judged, (path, _) in zip(found, clouds, strict=True):
             picture = arguments.plot / f"map_{path.stem}.png"

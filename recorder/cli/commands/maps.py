@@ -107,7 +107,7 @@ def show(result: dict[str, Any]) -> None:
 
 
 def _list(arguments: argparse.Namespace) -> dict[str, Any]:
-    from recorder.report.town_preview import list_towns
+    from recorder.report.town_list import list_towns
 
     return {"towns": [asdict(town) for town in list_towns()]}
 

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import Any
 
 from recorder.cli.arguments import OutputFolder, config_of, input_path, option, positive_int
-from recorder.cli.terminal import Progress
+from recorder.cli.progress import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write the data set."""
-    from recorder.minari import MinariConfig, write_minari
+    from recorder.minari.dataset import MinariConfig, write_minari
 
     config = config_of(MinariConfig, arguments, episodes=tuple(arguments.episodes))
     with Progress("observing") as progress:

@@ -5,7 +5,6 @@ Examples:
   carlaloc record --map Town03 --duration 40 --seed 7 --traffic 0.5 --out short.mcap
   carlaloc record --device keyboard --out mine.mcap
   carlaloc record --device wheel --calibrate
-  carlaloc record --from drive.mcap
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ from recorder.cli.arguments import (
     OutputFile,
     config_of,
     force_option,
-    input_path,
     option,
     positive_seconds,
     seed,
 )
-from recorder.cli.terminal import Progress, announced
+from recorder.cli.output import announced
+from recorder.cli.progress import Progress
 from recorder.devices.base import HUMAN, wants_window
 
 if TYPE_CHECKING:
     from recorder.drive.record import RecordConfig
-    from recorder.window.start_screen import Opening
+    from recorder.window.opening import Opening
 
 BYTES_S, START_S, SPEED, FACTOR = 9e4, 20.0, 5.0, 2
 """Size of a second of a drive (70 and 100 kB in Town10 and Town03), time until the first, seconds that the
@@ -45,9 +44,7 @@ _TOWN, _WEATHER, _TRAFFIC = "Town03", "ClearNoon", "dynamic"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc record`."""
-    parser.add_argument(
-        "--map", help="town, or a .xodr file (default: Town03; with --from the one that was driven on)"
-    )
+    parser.add_argument("--map", help="town, or a .xodr file (default: Town03)")
     parser.add_argument("--device", help="scripted, hand, wheel, gamepad or keyboard (default: scripted)")
     parser.add_argument(
         "--choose",
@@ -73,23 +70,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--calibrate", action="store_true", help="ask for the device's axes, write its profile, and end"
     )
-    parser.add_argument(
-        "--from",
-        dest="source",
-        type=input_path,
-        metavar="E.mcap",
-        help="drive an episode's controls again and compare every tick",
-    )
     force_option(parser, "an older episode of this name")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Record, calibrate or drive again."""
+    """Record or calibrate."""
     arguments.device = arguments.device or ("keyboard" if arguments.choose else "scripted")
     if arguments.calibrate:
         return _calibrate(arguments)
-    if arguments.source is not None:
-        return _drive_again(arguments)
     if arguments.out is None:
         raise UsageError("--out is required, e.g. --out drive.mcap")
     with ExitStack() as stack:
@@ -97,7 +85,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         if _chooses(arguments):
             preferred = _choose(arguments, stack)
         if wants_window(arguments.device, arguments.window):
-            from recorder.window.start_screen import Opening
+            from recorder.window.opening import Opening
 
             # Open before the rest is loaded, which takes seconds.
             opening = stack.enter_context(Opening(arguments.map or _TOWN))
@@ -165,7 +153,7 @@ def _record(arguments: argparse.Namespace, opening: Opening | None, preferred: s
 
 def _announce(config: RecordConfig) -> None:
     """Write size and time of a drive before it begins, and refuse one that the disk cannot hold."""
-    from recorder.factory import expected_drive_s
+    from recorder.drive.standard_drives import expected_drive_s
 
     long_s = config.duration_s or expected_drive_s(config.map)
     size = long_s * BYTES_S
@@ -189,26 +177,13 @@ def _calibrate(arguments: argparse.Namespace) -> dict[str, Any]:
     return {"profile": str(path)}
 
 
-def _drive_again(arguments: argparse.Namespace) -> dict[str, Any]:
-    from recorder.drive.resimulate import resimulate
-
-    with Progress("driving again") as progress:
-        result = resimulate(
-            arguments.source, out=arguments.out, map=arguments.map, overwrite=arguments.force,
-            progress=progress.update,
-        )  # fmt: skip
-    return {**asdict(result), "failed": result.first_difference_tick is not None}
-
-
 def show(result: dict[str, Any]) -> None:
     """Print what was recorded."""
     # Here and not above: a window opens before this is loaded.
-    from recorder.drive.session import SLOW
+    from recorder.drive.pacer import SLOW
 
     if "profile" in result:
         print(f"calibrated; the profile is {result['profile']}")
-    elif "first_difference_tick" in result:
-        print(result["verdict"])
     else:
         print(
             f"{result['path']}: {result['duration_s']:.1f} s, {result['driven_m']:.1f} m driven, "
@@ -224,7 +199,5 @@ def show(result: dict[str, Any]) -> None:
             print(f"  the end of the route was passed at {3.6 * result['passed_mps']:.0f} km/h")
         if result["stuck"]:
             print("  the car made no progress for five minutes; try another --seed or a longer --duration")
-        from recorder.drive.session import SLOW
-
         if result["slowest"] < SLOW:
             print(f"  this machine was slow: the world ran at {result['slowest']:.0%} at times")

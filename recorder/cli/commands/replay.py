@@ -23,10 +23,12 @@ from recorder.cli.arguments import (
     replay_options,
     seconds,
 )
-from recorder.cli.terminal import Progress, announced
+from recorder.cli.output import announced
+from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from recorder.replaying.plan import ReplayConfig, ReplayCost
+    from recorder.replaying.cost import ReplayCost
+    from recorder.replaying.options import ReplayConfig
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
-    from recorder.replaying.plan import ReplayConfig, size_of
+    from recorder.replaying.cost import size_of
+    from recorder.replaying.options import ReplayConfig
     from recorder.replaying.replay import replay
 
     config = config_of(

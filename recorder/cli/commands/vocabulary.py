@@ -9,7 +9,7 @@ import argparse
 from typing import Any
 
 from recorder.cli.arguments import OutputFile, force_option, input_path, option, positive_int
-from recorder.cli.terminal import Progress
+from recorder.cli.progress import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

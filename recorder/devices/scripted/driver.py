@@ -9,9 +9,10 @@ from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.traffic.signals import SignalState
+from recorder.devices.scripted.pedals import DriverPedals
 from recorder.devices.scripted.route_profile import DriverRoute
 from recorder.devices.scripted.speed_control import DriverSpeed, Leader
-from recorder.devices.scripted.steering import DriverPedals, DriverSteering
+from recorder.devices.scripted.steering import DriverSteering
 
 STANDSTILL_S = 2.0
 """The drive begins with this much rest, which inertial SLAM needs to start."""

@@ -9,9 +9,11 @@ from itertools import count
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.params import VehicleParams
-from recorder.devices.human import HumanDevice, wheel_steer
+from recorder.devices.axis_shape import AxisShape
+from recorder.devices.control_shaping import wheel_steer
+from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
-from recorder.devices.profile import AxisShape, DeviceProfile
+from recorder.devices.profile import DeviceProfile
 from recorder.devices.scripted.driver import ScriptedDriver
 from recorder.devices.virtual_stick import VirtualStick
 

@@ -7,7 +7,7 @@ from carlaloc_env.core.ego import Controls
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld
-from recorder.devices.scripted.steering import DriverPedals
+from recorder.devices.scripted.pedals import DriverPedals
 
 
 def test_pedals_give_the_acceleration_asked_for() -> None:

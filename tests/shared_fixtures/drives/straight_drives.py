@@ -13,7 +13,7 @@ from shared_fixtures.processes.made_once import made_once
 
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from recorder.drive.record import RecordConfig, record
-from recorder.replaying.plan import ReplayConfig
+from recorder.replaying.options import ReplayConfig
 
 RIG = """\
 name: small

@@ -12,7 +12,7 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, DepthImage, Sample
 from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.dataset.layout import SequenceFolder
-from recorder.replaying.conditions import Recipe
+from recorder.replaying.recipe import Recipe
 from recorder.replaying.sequence_writers import outputs_of
 
 HEIGHT, WIDTH, STEP_NS = 480, 640, 50_000_000

@@ -13,7 +13,7 @@ from shared_fixtures.readings.bag_samples import batch_of, write_all
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, Events
 from carlaloc_env.sensors.camera_config import CameraConfig
-from recorder.replaying.plan import without_unwritten
+from recorder.replaying.options import without_unwritten
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
 from recorder.writers.rig_calibration import RigCalibration

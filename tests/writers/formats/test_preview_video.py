@@ -16,7 +16,7 @@ from shared_fixtures.readings.bag_samples import cloud_of, write_all
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
 from recorder.dataset.layout import SequenceFolder
-from recorder.replaying.conditions import Recipe
+from recorder.replaying.recipe import Recipe
 from recorder.replaying.sequence_writers import outputs_of
 from recorder.report.mosaic import panel_of, panels_in
 from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter, shown_streams

@@ -1,4 +1,4 @@
-"""Figures of a report as SVG by matplotlib: trajectories over lanes, errors over time, boxes, run times."""
+"""Plots of a report as SVG by matplotlib: trajectories over lanes, errors over time, boxes, run times."""
 
 import io
 import re
@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import rc_context
 
 from carlaloc_env.core.array_types import Array
-from recorder.report.trajectory_plot import new_figure
+from recorder.report.canvas import new_figure
 
 _INK = "#010203"
 """Stands for the page's own colour of text, so that letters are light on a dark page."""
@@ -71,7 +71,7 @@ class Box:
 
 
 @rc_context(_STYLE)
-def map_figure(truth_m: Array, lines: Sequence[Line], lanes_m: Sequence[Array]) -> str:
+def map_plot(truth_m: Array, lines: Sequence[Line], lanes_m: Sequence[Array]) -> str:
     """Trajectories from above, east to the right, over the centre lines of lanes, metres.
 
     Args:
@@ -96,7 +96,7 @@ def map_figure(truth_m: Array, lines: Sequence[Line], lanes_m: Sequence[Array]) 
 
 
 @rc_context(_STYLE)
-def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str, axis: int = 0) -> str:
+def curve_plot(lines: Sequence[Line], x_label: str, y_label: str, *, name: str, axis: int = 0) -> str:
     """Curves from zero upwards; a click on them gives the page the abscissa.
 
     Args:
@@ -128,7 +128,7 @@ def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str
 
 
 @rc_context(_STYLE)
-def box_figure(boxes: Sequence[Box], x_label: str) -> str:
+def box_plot(boxes: Sequence[Box], x_label: str) -> str:
     """Boxes of the quartiles and the median, whiskers from the 5th to the 95th percentile.
 
     Failed runs stand in words: their errors would be no errors of a system that works, and without them
@@ -165,7 +165,7 @@ def box_figure(boxes: Sequence[Box], x_label: str) -> str:
 
 
 @rc_context(_STYLE)
-def real_time_figure(bars: Sequence[tuple[str, str, float]]) -> str:
+def real_time_plot(bars: Sequence[tuple[str, str, float]]) -> str:
     """Bars of the median time of a frame by the time between frames, logarithmic, with a line at real time.
 
     Args:

@@ -3,9 +3,6 @@
 Examples:
   carlaloc closedloop Town06 --methods small_gicp,kiss_icp --offset 0.1,0.3,0.5 --out wheel
   carlaloc closedloop Town06 --methods my_system.py --traffic static,dynamic --seeds 2 --out wheel
-
-The world moves by the truth; lanes, lights and route are found by the estimated pose. A drive by the truth is
-always among them. A system that dies ends its drive, with the reason in the table.
 """
 
 from __future__ import annotations
@@ -27,7 +24,7 @@ from recorder.cli.arguments import (
     positive_int,
     positive_seconds,
 )
-from recorder.cli.terminal import Progress
+from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
     from recorder.laboratory.closed_loop import DriveScore
@@ -35,9 +32,14 @@ if TYPE_CHECKING:
 TABLE = "closed_loop.csv"
 """Name of the table in the folder."""
 
+NOTE = """The world moves by the truth; lanes, lights and route are found by the estimated pose.
+A drive by the truth is always among them. A system that dies ends its drive, with the reason in the table."""
+"""Text below the options of ``--help``."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc closedloop`."""
+    parser.epilog = NOTE
     parser.add_argument("town", help="town, or an OpenDRIVE file")
     parser.add_argument("--out", type=OutputFolder(TABLE), required=True, help="folder of the table")
     option(parser, "--methods", names, "A,B", "systems, or .py files", ())

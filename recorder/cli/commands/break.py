@@ -4,9 +4,6 @@ Examples:
   carlaloc break kiss_icp drive.mcap --rig lidar
   carlaloc break rko_lio drive.mcap --rig lidar --ape-max 1 --over fault.lidar.time_offset_ms=0:200
   carlaloc benchmark drive.mcap --rig lidar --methods kiss_icp --condition drive-break/broken.yaml
-
-It writes the counter-example as a bag and a film, its condition, the nearest one that passes, and all tries.
-Tries are kept: the same command resumes the search.
 """
 
 import argparse
@@ -25,11 +22,16 @@ from recorder.cli.arguments import (
     positive_seconds,
 )
 from recorder.cli.commands.benchmark import check_tools
-from recorder.cli.terminal import Progress
+from recorder.cli.progress import Progress
+
+NOTE = """It writes the counter-example as a bag and a film, its condition, the nearest one that passes,
+and all tries. Tries are kept: the same command resumes the search."""
+"""Text below the options of ``--help``."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc break`."""
+    parser.epilog = NOTE
     parser.add_argument("method", help="system, or a .py or .yaml file")
     parser.add_argument("drive", type=input_path, help="drive (.mcap)")
     parser.add_argument("--out", type=OutputFolder(), help="results; else DRIVE-break beside it")
@@ -57,14 +59,13 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.episode.episode import Episode
     from recorder.laboratory.breaking import (
         BreakConfig,
-        Range,
         Try,
         find_break,
-        ranges_of,
         write_counter_example,
     )
+    from recorder.laboratory.search_space import Range, ranges_of
     from recorder.laboratory.sweep import Axis, SweepConfig
-    from recorder.replaying.plan import ReplayOptions
+    from recorder.replaying.options import ReplayOptions
     from recorder.slam.systems import system_of
     from recorder.streaming.drive import DriveConfig
 

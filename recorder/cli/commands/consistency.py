@@ -5,9 +5,6 @@ Examples:
   carlaloc consistency drive.mcap --methods my_system.py --start 5 --duration 20 --out scatter --plot
   carlaloc consistency seed0.tum seed1.tum seed2.tum --truth truth.tum --out scatter
   carlaloc consistency filter.tum --truth truth.tum --align none --out scatter
-
-The drive and its truth are the same in all runs: only the noise of the sensors differs. Covariances of an
-estimate stand beside it (estimate.cov beside estimate.tum). Runs are kept: a second call does new ones.
 """
 
 from __future__ import annotations
@@ -31,7 +28,7 @@ from recorder.cli.arguments import (
     positive_int,
     positive_seconds,
 )
-from recorder.cli.terminal import Progress
+from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
     from recorder.laboratory.consistency import ConsistencyResult
@@ -39,9 +36,15 @@ if TYPE_CHECKING:
 TABLE, PICTURE = "consistency.csv", "consistency.png"
 """Names of the files in the folder."""
 
+NOTE = """The drive and its truth are the same in all runs: only the noise of the sensors differs.
+Covariances of an estimate stand beside it (estimate.cov beside estimate.tum).
+Runs are kept: a second call does new ones."""
+"""Text below the options of ``--help``."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc consistency`."""
+    parser.epilog = NOTE
     parser.add_argument(
         "data", type=input_path, nargs="+", help="a drive (.mcap), or TUM files of one drive with --truth"
     )

@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Compare."""
-    from recorder.cli.terminal import Progress
+    from recorder.cli.progress import Progress
     from recorder.laboratory.places import PlacesConfig, compare_places
 
     config = config_of(

@@ -4,9 +4,6 @@ Examples:
   carlaloc sweep drive.mcap --methods kiss_icp,rko_lio --rig lidar --over fault.lidar.time_offset_ms=0:100:6
   carlaloc sweep a.mcap b.mcap --rig lidar --over traffic=0:4:6 --over fog_visibility_m=20:500:log8 --seeds 5
   carlaloc sweep drive.mcap --rig lidar --over traffic=0,1 --over fault.lidar.drop_share=0:0.8:5 --product
-
-Each --over is swept by itself from the base condition (--weather, --traffic, --fault). Results are kept, and
-the same command resumes the sweep.
 """
 
 import argparse
@@ -25,11 +22,16 @@ from recorder.cli.arguments import (
     positive_int,
 )
 from recorder.cli.commands.benchmark import check_tools
-from recorder.cli.terminal import Progress
+from recorder.cli.progress import Progress
+
+NOTE = """Each --over is swept by itself from the base condition (--weather, --traffic, --fault).
+Results are kept, and the same command resumes the sweep."""
+"""Text below the options of ``--help``."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc sweep`."""
+    parser.epilog = NOTE
     parser.add_argument("drives", type=input_path, nargs="+", help="drives (.mcap)")
     parser.add_argument("--out", type=OutputFolder(), help="results; else DRIVE-sweep beside the first")
     parser.add_argument(
@@ -54,9 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the sweep."""
     check_tools()
-    from recorder.benchmark.results import BenchmarkConfig
+    from recorder.benchmark.config import BenchmarkConfig
     from recorder.laboratory.sweep import Axis, SweepConfig
-    from recorder.laboratory.sweep_run import run_sweep, write_sweep_report
+    from recorder.laboratory.sweep_report import write_sweep_report
+    from recorder.laboratory.sweep_run import run_sweep
 
     axes = tuple(Axis.parse(word) for word in arguments.over)
     first = arguments.drives[0].resolve()

@@ -1,0 +1,28 @@
+"""Digest of all code that makes a dataset: a run resumes only work of the same code."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from importlib.metadata import version
+from pathlib import Path
+
+import carlaloc_env
+import recorder
+from recorder.dataset.manifest import VERSIONED
+
+_SUFFIXES = (".py", ".glsl", ".vert", ".frag", ".jinja")
+
+
+@functools.cache
+def code_digest() -> str:
+    """SHA-256 of the sources of both packages and of the versions of libraries that shape a dataset."""
+    digest = hashlib.sha256()
+    for package in (carlaloc_env, recorder):
+        folder = Path(str(package.__file__)).parent
+        for path in sorted(path for path in folder.rglob("*") if path.suffix in _SUFFIXES):
+            digest.update(f"{path.relative_to(folder)}\n".encode())
+            digest.update(path.read_bytes())
+    for name in VERSIONED:
+        digest.update(f"{name} {version(name)}\n".encode())
+    return digest.hexdigest()

@@ -1,0 +1,124 @@
+"""Options of a replay, and the rig that they give."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.faults.faults import Faults
+from carlaloc_env.render.views import check_quality
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.samples import Events
+from carlaloc_env.sensors.camera_config import CameraConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
+from recorder.dataset.layout import FORMATS, check_formats
+from recorder.writers.topic_profiles import profile_by_name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayOptions:
+    """Conditions, sensors and formats of a replay."""
+
+    weathers: tuple[str, ...] = ("ClearNoon",)
+    """Names of weathers, or paths of schedules (``.yaml``)."""
+    traffic: tuple[str, ...] = ("dynamic",)
+    """Traffic levels: ``dynamic``, ``static``, ``empty``, fractions."""
+    rig: str = "paper"
+    """Name of a rig, or a YAML file."""
+    formats: tuple[str, ...] = ("rosbag1", "euroc")
+    """Dataset formats."""
+    topics: str = "standard"
+    """Topic profile of bags."""
+    seed: int | None = None
+    """Seed of sensor noise; None: the episode's."""
+    quality: str = "medium"
+    """Quality of images: ``low``, ``medium``, ``high``."""
+    workers: int | None = None
+    """Processes; None: one per core."""
+    cluster: str | None = None
+    """Address of a Dask scheduler whose workers do the work in place of processes of this machine."""
+    unit_s: float = 10.0
+    """Length of the stretch that a worker makes at a time [s]; no byte depends on it."""
+    preview: bool = True
+    """Whether a film of each sequence is made."""
+    lidar_weather: bool = False
+    """Whether fog, rain and spray reach the LiDARs; False: as in the rig."""
+    faults: Faults = field(default_factory=Faults)
+    """Faults of the sensors, which take the place of the rig's."""
+
+    def __post_init__(self) -> None:
+        check_formats(self.formats)
+        check_quality(self.quality)
+        profile_by_name(self.topics)
+        made = sorted({"kitti", "dsec", "nuscenes", "colmap"} & set(self.formats))
+        if self.faults.calibration and made:
+            raise ConfigError(
+                f"{made[0]} computes with the calibration, which has faults here; take a rosbag"
+            )
+        if self.workers is not None and self.workers < 1:
+            raise ConfigError(f"{self.workers} workers; give at least 1")
+        if self.unit_s < STEP_NS / 1e9:
+            raise ConfigError(f"units of {self.unit_s:g} s; give at least {STEP_NS / 1e9:g} s")
+        if self.seed is not None and self.seed < 0:
+            raise ConfigError(f"seed {self.seed}; give a number that is not negative")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayConfig(ReplayOptions):
+    """A replay: the drive, its stretch, the output folder and the options."""
+
+    episode: Path
+    """Episode to replay."""
+    out: Path
+    """Folder of the dataset; must not hold these sequences yet."""
+    start_s: float = 0.0
+    """Beginning of the stretch [s]."""
+    duration_s: float | None = None
+    """Length of the stretch [s]; None: to the end of the drive."""
+    camera_start_s: float | None = None
+    """Beginning of the images [s]; None: that of the stretch."""
+    camera_duration_s: float | None = None
+    """Length of the images [s]; None: the whole stretch."""
+    map: Path | str | None = None
+    """Map of the drive, name or file; None: the town that the episode names."""
+
+    def __post_init__(self) -> None:
+        # Without arguments, `super` does not find the class that slots have recreated.
+        super(ReplayConfig, self).__post_init__()
+        if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
+            raise ConfigError("start must not be negative and duration must be above zero")
+
+
+def rig_of(config: ReplayOptions) -> SensorRig:
+    """The rig of a replay, with weather on the LiDARs if the replay asks for it.
+
+    Raises:
+        ConfigError: there is no such rig.
+    """
+    rig = rig_by_name(config.rig)
+    if not config.lidar_weather:
+        return rig
+    lidars = {s: replace(s, weather=True) for s in rig.sensors if isinstance(s, LidarConfig)}
+    return replace(rig, sensors=tuple(lidars.get(s, s) for s in rig.sensors))  # type: ignore[call-overload]
+
+
+def without_unwritten(rig: SensorRig, formats: Sequence[str], topics: str) -> SensorRig:
+    """The rig without event cameras if no format holds events: they cost more than all else.
+
+    Args:
+        rig: The sensors.
+        formats: Names of dataset formats.
+        topics: Topic profile of bags.
+    """
+    in_bags = any(rule.sample is Events for rule in profile_by_name(topics).rules)
+    if {"dsec", "raw"} & set(formats) or (in_bags and any(FORMATS[name].is_bag for name in formats)):
+        return rig
+    sensors = tuple(
+        replace(config, outputs=tuple(output for output in config.outputs if output != "events"))
+        if isinstance(config, CameraConfig) and set(config.outputs) - {"events"}
+        else config
+        for config in rig.sensors
+    )
+    return replace(rig, sensors=sensors)

@@ -1,0 +1,96 @@
+"""The window before the drive begins: open from the first second, it shows the work and the time left."""
+
+import json
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TypeVar
+
+from carlaloc_env.core.errors import DeviceError
+from carlaloc_env.core.files.array_cache import default_cache_dir
+from recorder.window.window import Window
+
+T = TypeVar("T")
+
+CLOSED_EARLY = "the window was closed before the drive began; nothing has been recorded"
+
+_REFRESH_S = 0.1
+"""Time between two views of the text [s]."""
+
+
+class Opening(AbstractContextManager["Opening"]):
+    """A window that answers while the town is loaded in another thread; a context manager.
+
+    How long the same took the last time is kept in the cache, to show the time left.
+
+    Args:
+        map_name: Town, or path of an OpenDRIVE file.
+
+    Raises:
+        MissingDependencyError: pygame is not installed.
+        DeviceError: there is no display.
+    """
+
+    def __init__(self, map_name: str) -> None:
+        self._began_s = time.monotonic()
+        self._town = Path(map_name).stem
+        self.window = Window(f"CarlaLoc: {self._town}")
+        self._times = default_cache_dir() / "opening_times.json"
+        self._last_s = _kept_times(self._times).get(self._town)
+        self.show("starting")
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the window; may be called twice."""
+        self.window.close()
+
+    def run(self, what: str, work: Callable[[], T]) -> T:
+        """Do some work while the window shows what it is.
+
+        Raises:
+            DeviceError: the window has been closed in the meantime.
+        """
+        closed = False
+        with ThreadPoolExecutor(1) as pool:
+            future = pool.submit(work)
+            while not wait([future], _REFRESH_S).done:
+                closed = closed or self.window.closed()
+                self.show("ending" if closed else what)
+        if closed:
+            raise DeviceError(CLOSED_EARLY)
+        return future.result()
+
+    def text(self, what: str) -> str:
+        """What is being done, and the time left where it is known."""
+        if self._last_s is None:
+            return f"{what}, the first time takes up to a minute"
+        return f"{what}, {max(self._last_s - self._passed_s(), 1.0):.0f} s left"
+
+    def show(self, what: str) -> None:
+        """Show what is being done, and a bar."""
+        passed_s = self._passed_s()
+        self.window.show_progress(self.text(what), passed_s / max(self._last_s or 60.0, passed_s + 1.0))
+
+    def finish(self) -> None:
+        """The drive begins: remember how long that took."""
+        times = _kept_times(self._times) | {self._town: round(self._passed_s(), 1)}
+        try:
+            self._times.parent.mkdir(parents=True, exist_ok=True)
+            self._times.write_text(json.dumps(times))
+        except OSError:
+            return  # the next start does without
+
+    def _passed_s(self) -> float:
+        return time.monotonic() - self._began_s
+
+
+def _kept_times(path: Path) -> dict[str, float]:
+    try:
+        found = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return {}
+    return {str(k): float(v) for k, v in found.items()} if isinstance(found, dict) else {}
