@@ -19,7 +19,7 @@ from recorder.cli.main import COMMANDS, make_parser
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 TEXT = {page: page.read_text(encoding="utf-8") for page in PAGES}
-PUBLIC = {"carlaloc_env": set(carlaloc_env.__all__), "recorder": set(recorder.__all__)}
+PUBLIC = {package.__name__: set(package.__all__) for package in (carlaloc_env, recorder)}
 HELP_ALONE = {
     # They say to which data other options apply, and have the same words in `--help` and in docs of formats.
     "evaluate": {"--distances", "--town", "--truth-quaternion", "--truth-time-unit"},
