@@ -26,11 +26,11 @@ from recorder.drive.record import RecordResult as RecordResult
 from recorder.drive.record import record as record
 from recorder.episode.episode import Episode as Episode
 from recorder.episode.episode import open_episode as open_episode
+from recorder.episode.episode_header import EpisodeHeader as EpisodeHeader
 from recorder.episode.episode_town import town_id_of as town_id_of
 from recorder.episode.episode_town import town_of as town_of
 from recorder.episode.repair import repair_episode as repair_episode
 from recorder.episode.summary import summarise as summarise
-from recorder.episode.writer import EpisodeHeader as EpisodeHeader
 from recorder.episode.writer import EpisodeWriter as EpisodeWriter
 from recorder.evaluation.align import Alignment as Alignment
 from recorder.evaluation.evaluate import evaluate as evaluate

@@ -15,12 +15,12 @@ import numpy as np
 
 from recorder.bags.reader import open_bag
 from recorder.dataset.scans import read_scans
-from recorder.verification.lidar_figures import sweeps_of
-from recorder.verification.realism import Figure, measure_realism
+from recorder.verification.lidar_metrics import sweeps_of
+from recorder.verification.realism import RealismMetric, measure_realism
 
 PAGE = Path(__file__).parents[1] / "realism.md"
 PICTURE = PAGE.parent / "pictures" / "realism.png"
-BEGIN, END = "<!-- figures: made by docs/scripts/make_realism.py -->", "<!-- end of figures -->"
+BEGIN, END = "<!-- metrics: made by docs/scripts/make_realism.py -->", "<!-- end of metrics -->"
 TITLES = {"lidar": "LiDAR", "pictures": "Pictures", "imu": "IMU"}
 KITTI_TOPIC = "/oxts/data"
 """Topic of the IMU at KITTI's place, which is compared where a bag has it."""
@@ -29,32 +29,32 @@ KITTI_TOPIC = "/oxts/data"
 def main(words: list[str]) -> None:
     """Measure all columns and rewrite the page."""
     bags = {name: [Path(bag) for bag in names.split(",")] for name, names in (w.split("=") for w in words)}
-    columns = {name: figures_of(found) for name, found in bags.items()}
+    columns = {name: metrics_of(found) for name, found in bags.items()}
     text = PAGE.read_text(encoding="utf-8")
     begin, end = text.index(BEGIN) + len(BEGIN), text.index(END)
     PAGE.write_text(f"{text[:begin]}\n\n{tables(columns)}\n{text[end:]}", encoding="utf-8")
     draw(next(iter(bags.values()))[0])
 
 
-def figures_of(bags: list[Path]) -> dict[str, Figure]:
-    """Figures by name, of the first bag that shows each."""
-    found: dict[str, Figure] = {}
+def metrics_of(bags: list[Path]) -> dict[str, RealismMetric]:
+    """Metrics by name, of the first bag that shows each."""
+    found: dict[str, RealismMetric] = {}
     for bag in bags:
         with open_bag(bag) as reader:
             topics = {connection.topic for connection in reader.connections}
         result = measure_realism(bag, imu=KITTI_TOPIC if KITTI_TOPIC in topics else None)
-        for figure in result.figures:
-            if figure.name not in found or math.isnan(found[figure.name].value):
-                found[figure.name] = figure
+        for metric in result.metrics:
+            if metric.name not in found or math.isnan(found[metric.name].value):
+                found[metric.name] = metric
     return found
 
 
-def tables(columns: dict[str, dict[str, Figure]]) -> str:
+def tables(columns: dict[str, dict[str, RealismMetric]]) -> str:
     """A table for each group; values inside their range are bold."""
     lines: list[str] = []
     first = next(iter(columns.values()))
     for group, title in TITLES.items():
-        rows = [figure for figure in first.values() if figure.group == group and figure.low is not None]
+        rows = [metric for metric in first.values() if metric.group == group and metric.low is not None]
         names = " | ".join(f"`{name}`" for name in columns)
         lines += [f"| {title} | real | {names} |", f"|---|---|{'---|' * len(columns)}"]
         for row in rows:
@@ -70,18 +70,18 @@ def tables(columns: dict[str, dict[str, Figure]]) -> str:
     return "\n".join(lines)
 
 
-def _value(figure: Figure | None) -> str:
-    if figure is None or math.isnan(figure.value):
+def _value(metric: RealismMetric | None) -> str:
+    if metric is None or math.isnan(metric.value):
         return "–"
-    size = abs(figure.value)
+    size = abs(metric.value)
     text = (
-        f"{figure.value:.3f}"
+        f"{metric.value:.3f}"
         if size < 0.1
-        else f"{figure.value:.3g}"
+        else f"{metric.value:.3g}"
         if size < 1000
-        else f"{figure.value:.0f}"
+        else f"{metric.value:.0f}"
     )
-    return f"**{text}**" if figure.verdict == "inside" else text
+    return f"**{text}**" if metric.verdict == "inside" else text
 
 
 def draw(bag: Path) -> None:

@@ -14,19 +14,15 @@ from carlaloc_env.core.files.text_files import last_line
 from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
 from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
-from recorder.benchmark.results import (
-    fingerprint_of,
-    keep,
-    read_result,
-    run_job,
-)
+from recorder.benchmark.results import fingerprint_of, keep, read_result, run_job
 from recorder.benchmark.score import ERRORS, Score
 from recorder.dataset.sequence import SlamSequence, faults_of
 from recorder.evaluation.path_errors import PathErrors
 from recorder.replaying.unit_work import STOP
 from recorder.replaying.workers import DaskCluster, Task, ThisProcess, Workers, progress_of, run_tasks
 from recorder.slam.supervisor import LOG, RunRecord
-from recorder.slam.systems import SYSTEMS, is_system_file, system_of
+from recorder.slam.system_file import is_system_file
+from recorder.slam.systems import SYSTEMS, system_of
 
 __all__ = ["BenchmarkConfig", "BenchmarkResult", "Progress", "run_benchmark"]
 

@@ -28,12 +28,12 @@ class FeedReadings:
 
     @property
     def bag(self) -> Path:
-        """There is none."""
+        """Refuse: a feed has no bag."""
         self._refuse("bag")
 
     @property
     def euroc(self) -> Path:
-        """There is none."""
+        """Refuse: a feed has no folder."""
         self._refuse("folder mav0")
 
     def scan_count(self) -> int:

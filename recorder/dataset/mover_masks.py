@@ -38,7 +38,7 @@ def mover_masks(bag: Path, topic: str) -> Iterator[Mask]:
 
 
 def mask_of(tags: U8) -> NDArray[np.bool_]:
-    """Where an image of semantic tags shows movers, with a rim of `MARGIN_PX`, shape (H, W)."""
+    """Mask of the movers in an image of semantic tags, with a rim of `MARGIN_PX`, shape (H, W)."""
     rim = np.ones((2 * MARGIN_PX + 1, 2 * MARGIN_PX + 1), np.uint8)
     movers = np.isin(tags, np.array(sorted(DYNAMIC_TAGS), np.uint8)).astype(np.uint8)
     return np.asarray(cv2.dilate(movers, rim) > 0)

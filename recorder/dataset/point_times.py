@@ -45,7 +45,7 @@ class Since(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeRule:
-    """How times of points are read."""
+    """Field, unit and zero by which times of points are read."""
 
     field: str | None = None
     """Field of the clouds; None: they have no times."""
@@ -80,7 +80,7 @@ class TimeRule:
 def time_rule(
     clouds: Sequence[Cloud], where: str, *, field: str | None = None, unit: str | None = None
 ) -> TimeRule:
-    """How the times of a topic's clouds are read, by its first ones; uncertain guesses are logged.
+    """Rule for the times of a topic's clouds, by its first ones; uncertain guesses are logged.
 
     Args:
         clouds: The first clouds; two or more distinguish relative from absolute times.

@@ -51,7 +51,7 @@ class Scan:
         return self.time_s if differ else self.time_s[:0]
 
     def take(self, rows: NDArray[np.bool_]) -> Scan:
-        """Some of the points."""
+        """Scan of some of the points."""
 
         def part(values: Any) -> Any:
             return None if values is None else values[rows]

@@ -1,28 +1,21 @@
-"""A sequence for SLAM systems: sweeps, inertial samples, stereo images, calibration, truth.
-
-A drive in progress, read by a system: sweeps and inertial samples as they come, without a folder.
-"""
+"""A sequence for SLAM systems: sweeps, inertial samples, stereo images, calibration, truth."""
 
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cached_property
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.dataset.bag_messages import stamps_in
-from recorder.dataset.feed_readings import NEXT, FeedReadings
 from recorder.dataset.folder_readings import FolderReadings
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
@@ -224,45 +217,3 @@ def faults_of(sequence: SlamSequence, *, with_imu: bool = True) -> Iterator[str]
         if with_imu:
             T, truth = sequence.imu.mount.T_base_sensor, read_tum(sequence.truth_file("base_link"))
             yield from imu_faults(sequence.imu_samples(), T, truth)
-
-
-class LiveReadings(FeedReadings):
-    """Asks the driving process for each sweep, see `Readings`; inertial samples up to its end come with it.
-
-    Args:
-        connection: The system's connection.
-    """
-
-    def __init__(self, connection: Connection) -> None:
-        super().__init__(connection)
-        self.imu: deque[ImuSample] = deque()
-        """Inertial samples that are not taken yet."""
-
-    def scans(self) -> Iterator[Scan]:
-        """Sweeps until the drive ends."""
-        while (frame := self._ask(NEXT)) is not None:
-            scan, samples = frame
-            self.imu.extend(samples)
-            yield scan
-
-    def imu_samples(self) -> Iterator[ImuSample]:
-        """Refuse: they are not all known."""
-        self._refuse("inertial samples at once; take them by sequence.imu_until(stamp_ns)")
-
-
-class LiveSequence(SlamSequence):
-    """The rig of a drive in progress, and its readings.
-
-    Args:
-        rig: The sensors.
-        connection: The system's connection to the driving process.
-    """
-
-    def __init__(self, rig: SensorRig, connection: Connection) -> None:
-        readings = LiveReadings(connection)
-        self.rig, self.cloud = rig, RAW
-        self._readings, self._imu = readings, readings.imu
-
-    def __getattr__(self, name: str) -> NoReturn:
-        """Refuse attributes of a folder: description, calibration, truth."""
-        raise AttributeError(f"a drive that goes on has no '{name}', which is that of a sequence's folder")

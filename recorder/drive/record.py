@@ -31,8 +31,9 @@ from recorder.devices.registry import open_device
 from recorder.drive.session import DriveSession
 from recorder.episode.ego_messages import VIOLATIONS
 from recorder.episode.episode import Episode
+from recorder.episode.episode_header import EpisodeHeader
 from recorder.episode.summary import driven_distance_m
-from recorder.episode.writer import EpisodeHeader, EpisodeWriter
+from recorder.episode.writer import EpisodeWriter
 from recorder.window.cockpit import WindowCockpit
 from recorder.window.opening import Opening
 

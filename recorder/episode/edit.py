@@ -11,7 +11,8 @@ from carlaloc_env.core.clock import STEP_TICKS
 from carlaloc_env.timeline.actors import ActorFrame
 from recorder.episode.ego_messages import EgoRow, Event
 from recorder.episode.episode import Episode
-from recorder.episode.writer import EpisodeHeader, EpisodeWriter
+from recorder.episode.episode_header import EpisodeHeader
+from recorder.episode.writer import EpisodeWriter
 
 
 def rewrite_traffic(

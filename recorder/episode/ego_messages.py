@@ -93,7 +93,7 @@ class EgoRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Event:
-    """Something that happened during the drive."""
+    """Event of the drive, such as a collision."""
 
     tick: int
     """Tick at which it happened."""

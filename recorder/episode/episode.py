@@ -22,8 +22,8 @@ from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 from recorder.episode.actor_messages import ACTORS, actor_frames, unpack_actors
 from recorder.episode.ego_messages import CONTROLS, EGO, EVENT, Event
+from recorder.episode.episode_header import HEADER_RECORD, EpisodeHeader
 from recorder.episode.mcap_container import Container, is_container, read_container
-from recorder.episode.writer import HEADER_RECORD, EpisodeHeader
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -203,7 +203,7 @@ NOT_CLOSED, CUT_OFF = "the file was not closed", "its last record is cut off"
 
 @dataclass(slots=True)
 class Container:
-    """What could be read from a file."""
+    """Records that were read from a file, up to its first damage."""
 
     metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     """Metadata records in file order."""

@@ -107,7 +107,7 @@ def _standing(episode: Episode) -> tuple[float, int]:
 
 
 def _mover_close_s(episode: Episode) -> float:
-    """How long a mover was close ahead [s]."""
+    """Time with a mover close ahead [s]."""
     size_m, steps = episode.header.catalog.size_m, episode.steps if len(episode.ego) else episode.steps[:0]
     parts = (slice(first, first + _PART) for first in range(0, len(steps), _PART))
     close = sum(_is_close(episode.ego_at_steps[p], actor_states(steps[p]), size_m).sum() for p in parts)

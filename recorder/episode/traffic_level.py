@@ -1,4 +1,4 @@
-"""How much of the recorded traffic a replay shows, as users write it."""
+"""Traffic levels of a replay: the fraction of the recorded actors that it shows."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEVEL_WORDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrafficLevel:
-    """How many of the recorded actors a replay shows; the ego's motion never depends on it."""
+    """Fraction of the recorded actors that a replay shows; the ego's motion never depends on it."""
 
     name: str
     """``dynamic``, ``static``, ``empty`` or ``trafficNN`` (per cent)."""

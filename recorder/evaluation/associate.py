@@ -24,7 +24,7 @@ _CLOCKS_S = {
 
 
 class Association(Enum):
-    """How poses are paired."""
+    """Methods of pairing poses."""
 
     NEAREST = "nearest in time"
     INTERPOLATED = "truth interpolated at the estimate's stamps"
@@ -87,7 +87,7 @@ def _warn_of_gaps(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoveredTime:
-    """How much of the time from the first to the last pose of two trajectories has pairs."""
+    """Part of the time from the first to the last pose of two trajectories that has pairs."""
 
     share: float
     """That part, 0–1."""
@@ -113,7 +113,7 @@ class CoveredTime:
 
 
 def interpolation(truth: Trajectory, estimate: Trajectory) -> tuple[Association, int]:
-    """Which of two trajectories to interpolate, the one of the higher rate, and over what gaps [ns]."""
+    """Interpolation of the trajectory of the higher rate, and the widest gap over which it goes [ns]."""
     intervals = [
         int(np.median(np.diff(trajectory.stamp_ns))) if len(trajectory) > 1 else 0
         for trajectory in (truth, estimate)
@@ -185,7 +185,7 @@ def _next_step(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> str:
 
 
 def clock_name(offset_s: float, *, within_s: float = 0.3) -> str:
-    """In brackets, the known difference of clocks that an offset is, up to a tolerance [s]; else empty."""
+    """Name in brackets of a difference of clocks that fits an offset within a tolerance [s]; else empty."""
     hours = round(offset_s / 3600.0)
     if 1 <= abs(hours) <= 14 and abs(offset_s - 3600.0 * hours) < min(within_s, 900.0):
         return f" ({abs(hours)} h: whole hours, as between time zones)"

@@ -24,7 +24,7 @@ _AGREEMENT_MIN = 0.5
 
 
 def find_time_offset(truth: Trajectory, estimate: Trajectory, alignment: Alignment = Alignment.SE3) -> int:
-    """What has to be added to an estimate's stamps [ns].
+    """Find the offset to add to an estimate's stamps [ns].
 
     First the rates of turning, which neither the world's axes nor a lever arm change, are laid over each
     other by cross-correlation, whatever the clocks' zeros; the speeds where nothing turns. Then the

@@ -57,7 +57,7 @@ class Trajectory:
         return float(np.sum(np.sqrt(np.sum(np.diff(self.position_m, axis=0) ** 2, axis=1))))
 
     def take(self, index: NDArray[np.intp]) -> Trajectory:
-        """Some of the poses."""
+        """Trajectory of some of the poses."""
         return replace(
             self,
             stamp_ns=self.stamp_ns[index],

@@ -131,7 +131,7 @@ def _poses(
 
 
 def _line_of(table: TextTable) -> Callable[[int], str]:
-    """Where the rows of a table stand."""
+    """Places of a table's rows in its file."""
     return lambda row: f"line {next(islice(table.rows(), row, None))[0]}"
 
 

@@ -49,7 +49,7 @@ class StereoCamera:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sightings:
-    """Which image sees which landmark where, each pair once: parallel arrays of M sightings."""
+    """Sightings of landmarks in images, each pair once: parallel arrays of M."""
 
     image: NDArray[np.intp]
     """Number of the image, shape (M,)."""

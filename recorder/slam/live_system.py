@@ -1,20 +1,11 @@
-"""A SLAM system in a process of its own that takes a drive sweep by sweep.
+"""Runs a SLAM system in a separate process, which takes a drive sweep by sweep."""
 
-The process of a system by which a car drives: ``python -m recorder.slam.live_system job.json``.
-"""
-
-import inspect
 import json
-import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
 from multiprocessing import Pipe
-from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
-from typing import Any
-
-import numpy as np
 
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
@@ -23,11 +14,9 @@ from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.feed_readings import NEXT
 from recorder.dataset.readings import ImuSample
 from recorder.dataset.scans import Scan
-from recorder.dataset.sequence import LiveSequence
 from recorder.slam.supervisor import LOG, start_worker
-from recorder.slam.system import FrameClock, StampedPose
+from recorder.slam.system import StampedPose
 from recorder.slam.systems import system_of
-from recorder.slam.worker import runner_of, work_process
 
 
 class DeadSystemError(EvaluationError):
@@ -61,7 +50,7 @@ class LiveSystem(AbstractContextManager["LiveSystem"]):
         job = {"method": str(method), "rig": rig.to_yaml(), "connection": other.fileno()}
         (work / "job.json").write_text(json.dumps(job), encoding="utf-8")
         threads = len(usable_cores())
-        self._process = start_worker("live_system", work / "job.json", self._log, threads, other)
+        self._process = start_worker("live_worker", work / "job.json", self._log, threads, other)
         self._is_ready = False
 
     def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
@@ -110,25 +99,3 @@ class LiveSystem(AbstractContextManager["LiveSystem"]):
         status = self._process.wait()
         reason = last_line(self._log) or f"it ended with {status}"
         raise DeadSystemError(f"{self.system.title} has ended: {reason}; log: {self._log}")
-
-
-def run_live(job: dict[str, Any]) -> None:
-    """Run a system until the drive ends.
-
-    Raises:
-        CarlaLocError: there is no such system, or it gives its poses at the end alone.
-    """
-    connection = Connection(job["connection"])
-    system = system_of(job["method"])
-    runner = runner_of(system, job["method"])
-    if not inspect.isgeneratorfunction(runner):
-        raise EvaluationError(
-            f"{system.title} returns its poses at the end; to drive by it, yield each pose in place "
-            "of returning a list, see docs/your-system.md"
-        )
-    for stamp_ns, T in runner(LiveSequence(SensorRig.from_yaml(job["rig"]), connection), FrameClock()):
-        connection.send((int(stamp_ns), np.asarray(T, np.float64)))
-
-
-if __name__ == "__main__":
-    sys.exit(work_process(run_live))

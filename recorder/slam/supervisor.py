@@ -114,7 +114,7 @@ def start_worker(
     """Start a module of `recorder.slam` in a process of its own, below a keeper.
 
     Args:
-        module: Name of the module, ``worker`` or ``live_system``.
+        module: Name of the module, ``worker`` or ``live_worker``.
         job: File with its job.
         log: File that receives all that it prints.
         threads: Threads of libraries that compute.
@@ -159,7 +159,7 @@ def _high_water_mb(pid: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _ProcessEnd:
-    """How a process ended: exit status (None: past its limit), and what it used."""
+    """End of a process: its exit status (None: past its limit), time and memory."""
 
     status: int | None
     cpu_s: float

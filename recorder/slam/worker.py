@@ -21,7 +21,8 @@ from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.covariance_files import SUFFIX, write_covariances
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.slam.system import FrameClock, Runner, System, trajectory_of
-from recorder.slam.systems import is_system_file, read_system_file, system_of
+from recorder.slam.system_file import is_system_file, read_system_file
+from recorder.slam.systems import system_of
 
 ESTIMATE, FRAMES, FACTS = "estimate.tum", "frames.csv", "facts.json"
 """Files that it leaves: poses, times of frames, version and counts."""

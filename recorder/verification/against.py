@@ -147,22 +147,22 @@ def _of_arrays(ours: dict[str, NDArray[Any]], theirs: dict[str, NDArray[Any]]) -
 
 def _event_file(path: Path) -> dict[str, NDArray[Any]]:
     """Events of a DSEC file as rows, and its other arrays but the index, which follows from the events."""
-    found: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, NDArray[Any]] = {}
 
     def visit(name: str, node: Any) -> None:
         if isinstance(node, h5py.Dataset):
-            found[name] = node[()]
+            arrays[name] = node[()]
 
     with h5py.File(path) as file:
         file.visititems(visit)
-    columns = {name: found.pop(f"events/{name}") for name in "txyp" if f"events/{name}" in found}
+    columns = {name: arrays.pop(f"events/{name}") for name in "txyp" if f"events/{name}" in arrays}
     if columns:
-        found.pop("ms_to_idx", None)
+        arrays.pop("ms_to_idx", None)
         rows = np.empty(len(columns["t"]), [(name, values.dtype) for name, values in columns.items()])
         for name, values in columns.items():
             rows[name] = values
-        found["events"] = rows
-    return found
+        arrays["events"] = rows
+    return arrays
 
 
 def _of_episodes(ours: Path, theirs: Path) -> str:

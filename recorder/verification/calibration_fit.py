@@ -92,8 +92,8 @@ def _check_depth(
             xyz, after_ns = _points_of(reader.deserialize(clouds[stamp], lidar.msgtype))
             T_base_camera = T_base[image.header.frame_id]
             points = _in_camera(xyz, after_ns, stamp, T_base["lidar"], T_base_camera, truth)
-            found = _fitting(points, _depth_of(image), info)
-            fitting, total = fitting + int(found.sum()), total + len(found)
+            is_fitting = _fitting(points, _depth_of(image), info)
+            fitting, total = fitting + int(is_fitting.sum()), total + len(is_fitting)
     if total >= 100 and fitting < FITTING_SHARE * total:
         share = f"{100 * fitting / total:.0f} % of {total} points"
         yield f"LiDAR does not fit {depths.topic}: {share} have its depth"
@@ -108,9 +108,9 @@ def _depth_of(image: Any) -> Any:
 
 def _points_of(cloud: Any) -> tuple[Array, Any]:
     """Points [m] of a plain or a Draco cloud, (N, 3), and their times after the stamp [ns], (N,)."""
-    found = cloud_of_draco(cloud) if hasattr(cloud, "format") else cloud_of_fields(cloud)
-    after_ns = np.round(found.times["time"].astype(float) * 1e9).astype(np.int64)
-    return found.points_xyz_m, after_ns
+    points = cloud_of_draco(cloud) if hasattr(cloud, "format") else cloud_of_fields(cloud)
+    after_ns = np.round(points.times["time"].astype(float) * 1e9).astype(np.int64)
+    return points.points_xyz_m, after_ns
 
 
 def _in_camera(

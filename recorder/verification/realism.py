@@ -1,7 +1,6 @@
-"""Recordings beside real ones: figures of their clouds, pictures and inertial readings, with real ranges.
+"""Compares recordings with real ones by metrics of their clouds, pictures and inertial readings.
 
-The figures need no truth: any bag will do, of this project or another, and any folder of pictures. Ranges
-are those that real recordings have by the same functions; each names its source.
+The metrics need no truth: any bag will do, of this project or another, and any folder of pictures.
 """
 
 from __future__ import annotations
@@ -27,47 +26,18 @@ from recorder.dataset.clouds import CLOUD, read_cloud
 from recorder.dataset.lidar_topics import cloud_connections, of_one_frame
 from recorder.dataset.point_times import time_rule
 from recorder.dataset.scans import Scan, scans_of
-from recorder.verification.imu_figures import ImuLog, imu_figures
-from recorder.verification.lidar_figures import lidar_figures
-from recorder.verification.picture_figures import REAL_PICTURES, picture_figures
+from recorder.verification.imu_metrics import ImuLog, imu_metrics
+from recorder.verification.lidar_metrics import lidar_metrics
+from recorder.verification.picture_metrics import REAL_PICTURES, picture_metrics
+from recorder.verification.real_ranges import (
+    COMMA_SOURCE,
+    KITTI_SOURCE,
+    LIDAR_SOURCE,
+    PICTURE_SOURCE,
+    REAL_IMU,
+    REAL_LIDAR,
+)
 
-LIDAR_SOURCE = "HDL-32E: nuScenes (Caesar et al. 2020), two key frames; Koide, two turns"
-PICTURE_SOURCE = "nuScenes; KITTI (Geiger et al. 2013); Boreas (Burnett et al. 2023)"
-KITTI_SOURCE, COMMA_SOURCE = "KITTI, OXTS RT3003, two windows", "comma2k19 (Schafer et al. 2018), windscreen"
-"""Recordings from which the ranges come."""
-REAL_LIDAR = {
-    "own car: share below 2.5 m": (0.10, 0.20),
-    "no return, rings below -22 deg": (0.0, 0.10),
-    "no return, rings at -4 to -1 deg": (0.15, 0.50),
-    "range p99 [m]": (55.0, 80.0),
-    "share beyond 70 m": (0.0, 0.015),
-    "road residual, 1.5 m [cm]": (0.3, 0.8),
-    "neighbours' correlation on the road": (0.05, 0.35),
-    "shot noise, 0.55 m, p50 [cm]": (0.25, 0.55),
-    "shot noise p10 [cm]": (0.15, 0.35),
-    "dropouts at range discontinuities": (0.08, 0.18),
-    "mixed pixels at range discontinuities": (0.02, 0.09),
-    "intensity p50": (6.0, 15.0),
-    "intensity p95": (40.0, 75.0),
-    "ground intensity exponent": (-0.45, 0.3),
-    "intensity variation in a road window": (0.08, 0.20),
-}
-"""Least and largest values of real sweeps."""
-_KITTI = {
-    "a_z 1-3 Hz": 0.20, "a_z 3-8 Hz": 0.06, "a_z 8-15 Hz": 0.03, "a_z 15-25 Hz": 0.02,
-    "a_y 1-3 Hz": 0.09, "a_y 3-8 Hz": 0.03, "roll rate 1-3 Hz": 0.008,
-}  # fmt: skip
-_COMMA = {
-    "a_z 1-3 Hz": 0.18, "a_z 3-8 Hz": 0.11, "a_z 8-15 Hz": 0.19, "a_z 15-25 Hz": 0.13,
-    "a_y 1-3 Hz": 0.10, "a_y 3-8 Hz": 0.12, "roll rate 1-3 Hz": 0.009,
-}  # fmt: skip
-"""Root mean squares of two real cars, on a street and on a fast road [m/s², rad/s]."""
-REAL_IMU = {
-    **{f"{name} at 4-8 m/s": (0.5 * value, 2.0 * value) for name, value in _KITTI.items()},
-    **{f"{name} at 16-20 m/s": (0.5 * value, 2.0 * value) for name, value in _COMMA.items()},
-    "acceleration at rest": (0.009, 0.014),
-}
-"""Half to twice a real car's values: a class of ISO 8608 is twice as high as the one before it."""
 _LOOKED_AT, _RULE_CLOUDS = 6, 10
 """Sweeps and pictures that are looked at, evenly over a bag, and clouds that show the rule of times."""
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
@@ -87,15 +57,15 @@ _BASE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Figure:
-    """A figure of a recording beside the range of real ones."""
+class RealismMetric:
+    """A metric of a recording beside the range of real ones."""
 
     group: str
     """``lidar``, ``pictures`` or ``imu``."""
     name: str
     value: float
     low: float | None
-    """Least real value; None: the figure depends on the scene alone."""
+    """Least real value; None: the metric depends on the scene alone."""
     high: float | None
     """Largest real value."""
     source: str
@@ -111,20 +81,20 @@ class Figure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Realism:
-    """Figures of a recording."""
+    """Metrics of a recording."""
 
     path: Path
     """The bag, or the folder of pictures."""
     read: dict[str, str]
     """Topic or files that each group was read from."""
-    figures: tuple[Figure, ...]
-    """All figures that could be measured."""
+    metrics: tuple[RealismMetric, ...]
+    """All metrics that could be measured."""
 
 
 def measure_realism(
     path: Path, *, lidar: str | None = None, camera: str | None = None, imu: str | None = None
 ) -> Realism:
-    """Figures of a bag's first LiDAR, camera and IMU, or of the pictures of a folder.
+    """Metrics of a bag's first LiDAR, camera and IMU, or of the pictures of a folder.
 
     Args:
         path: A bag as `open_bag` takes it, or a folder of pictures.
@@ -141,8 +111,10 @@ def measure_realism(
             _decoded(np.fromfile(file, np.uint8), str(file))
             for file in files[:: max(len(files) // _LOOKED_AT, 1)]
         ]
-        found = _figures("pictures", _mean_of_pictures(pictures), REAL_PICTURES, PICTURE_SOURCE)
-        return Realism(path=path, read={"pictures": f"{len(pictures)} of {len(files)} files"}, figures=found)
+        metrics = _metrics("pictures", _mean_of_pictures(pictures), REAL_PICTURES, PICTURE_SOURCE)
+        return Realism(
+            path=path, read={"pictures": f"{len(pictures)} of {len(files)} files"}, metrics=metrics
+        )
     with open_bag(path) as reader, refused_in_one_line(path):
         return _of_bag(path, reader, lidar, camera, imu)
 
@@ -157,55 +129,55 @@ def _of_bag(path: Path, reader: AnyReader, lidar: str | None, camera: str | None
         "imu": (lambda: _of_readings(reader, readings)) if readings else None,
     }
     read: dict[str, str] = {}
-    figures: list[Figure] = []
+    metrics: list[RealismMetric] = []
     failed: list[EvaluationError] = []
     for group, measure in parts.items():
         if measure is not None:
             try:
-                read[group], found = measure()
-                figures += found
+                read[group], measured = measure()
+                metrics += measured
             except EvaluationError as error:
-                # A topic that was asked for has to do; others may lack what the figures need.
+                # A topic that was asked for has to do; others may lack what the metrics need.
                 if (group == "lidar" and lidar is not None) or (group == "imu" and imu is not None):
                     raise
                 read[group] = str(error)
                 failed.append(error)
-    if not figures and failed:
+    if not metrics and failed:
         raise failed[0]
     if not read:
         raise EvaluationError(f"{path} holds no clouds, no pictures and no IMU; give a bag that has some")
-    return Realism(path=path, read=read, figures=tuple(figures))
+    return Realism(path=path, read=read, metrics=tuple(metrics))
 
 
-def _of_clouds(path: Path, reader: AnyReader, topic: str | None) -> tuple[str, tuple[Figure, ...]]:
+def _of_clouds(path: Path, reader: AnyReader, topic: str | None) -> tuple[str, tuple[RealismMetric, ...]]:
     chosen, scans = _scans(path, reader, topic)
-    found = _figures("lidar", lidar_figures(scans), REAL_LIDAR, LIDAR_SOURCE)
-    return f"{chosen[0].topic}, {len(scans)} sweeps", found
+    metrics = _metrics("lidar", lidar_metrics(scans), REAL_LIDAR, LIDAR_SOURCE)
+    return f"{chosen[0].topic}, {len(scans)} sweeps", metrics
 
 
-def _of_images(reader: AnyReader, images: list[Connection]) -> tuple[str, tuple[Figure, ...]]:
+def _of_images(reader: AnyReader, images: list[Connection]) -> tuple[str, tuple[RealismMetric, ...]]:
     pictures = [_picture(reader, c, raw) for c, _, raw in _evenly(reader, images)]
-    found = _figures("pictures", _mean_of_pictures(pictures), REAL_PICTURES, PICTURE_SOURCE)
-    return f"{images[0].topic}, {len(pictures)} pictures", found
+    metrics = _metrics("pictures", _mean_of_pictures(pictures), REAL_PICTURES, PICTURE_SOURCE)
+    return f"{images[0].topic}, {len(pictures)} pictures", metrics
 
 
-def _of_readings(reader: AnyReader, readings: list[Connection]) -> tuple[str, tuple[Figure, ...]]:
-    found = imu_figures(_log(reader, readings))
-    rows: tuple[Figure, ...] = ()
+def _of_readings(reader: AnyReader, readings: list[Connection]) -> tuple[str, tuple[RealismMetric, ...]]:
+    values = imu_metrics(_log(reader, readings))
+    rows: tuple[RealismMetric, ...] = ()
     for at, source in (("4-8", KITTI_SOURCE), ("16-20", COMMA_SOURCE), ("rest", KITTI_SOURCE)):
-        part = {name: value for name, value in found.items() if f" at {at}" in name}
-        rows += _figures("imu", part, REAL_IMU, source)
+        part = {name: value for name, value in values.items() if f" at {at}" in name}
+        rows += _metrics("imu", part, REAL_IMU, source)
     return readings[0].topic, rows
 
 
-def _figures(
-    group: str, found: dict[str, float], real: dict[str, tuple[float, float]], source: str
-) -> tuple[Figure, ...]:
+def _metrics(
+    group: str, values: dict[str, float], real: dict[str, tuple[float, float]], source: str
+) -> tuple[RealismMetric, ...]:
     return tuple(
-        Figure(
+        RealismMetric(
             group=group, name=name, value=value, low=low, high=high, source=source if low is not None else ""
         )
-        for name, value in found.items()
+        for name, value in values.items()
         for low, high in [real.get(name, (None, None))]
     )
 
@@ -256,9 +228,9 @@ def _scans(path: Path, reader: AnyReader, topic: str | None) -> tuple[list[Conne
 
 def _mean_of_pictures(pictures: Sequence[NDArray[np.uint8]]) -> dict[str, float]:
     """Means over pictures of what each of them shows."""
-    rows = [picture_figures(picture) for picture in pictures]
+    rows = [picture_metrics(picture) for picture in pictures]
     values = {name: [row[name] for row in rows if not math.isnan(row[name])] for name in rows[0]}
-    return {name: float(np.mean(found)) if found else math.nan for name, found in values.items()}
+    return {name: float(np.mean(numbers)) if numbers else math.nan for name, numbers in values.items()}
 
 
 def _decoded(data: NDArray[np.uint8], what: str) -> NDArray[np.uint8]:
@@ -275,9 +247,9 @@ def _picture(reader: AnyReader, connection: Connection, raw: bytes) -> NDArray[n
     if not hasattr(message, "encoding"):
         return _decoded(np.asarray(message.data, np.uint8), f"an image on {connection.topic}")
     if message.encoding not in _ENCODINGS:
-        known = ", ".join(_ENCODINGS)
+        encodings = ", ".join(_ENCODINGS)
         raise EvaluationError(
-            f"{connection.topic} has images of {message.encoding}, not of {known}; --camera names another"
+            f"{connection.topic} has images of {message.encoding}, not of {encodings}; --camera names another"
         )
     channels, code = _ENCODINGS[message.encoding]
     rows = np.asarray(message.data, np.uint8).reshape(message.height, message.step)
@@ -290,19 +262,21 @@ def _log(reader: AnyReader, connections: list[Connection]) -> ImuLog:
     stamps = np.array([sample.stamp_ns for sample in samples], np.int64)
     order = np.argsort(stamps, kind="stable")
     at_ns, speed = _speeds(reader)
-    known = np.interp(stamps[order], at_ns, speed, left=math.nan, right=math.nan) if len(at_ns) else math.nan
+    speed_mps = (
+        np.interp(stamps[order], at_ns, speed, left=math.nan, right=math.nan) if len(at_ns) else math.nan
+    )
     return ImuLog(
         stamp_ns=stamps[order],
         force_mps2=np.array([sample.acceleration_mps2 for sample in samples])[order],
         rate_radps=np.array([sample.angular_velocity_radps for sample in samples])[order],
-        speed_mps=np.broadcast_to(known, stamps.shape),
+        speed_mps=np.broadcast_to(speed_mps, stamps.shape),
     )
 
 
 def _speeds(reader: AnyReader) -> tuple[NDArray[np.int64], Array]:
     """Times [ns] and speeds of the car [m/s] by the best topic that shows them; empty: none does."""
     chosen: list[Connection] = next(
-        (found for kind in _SPEEDS if (found := _topic(reader, (kind,), None))), []
+        (connections for kind in _SPEEDS if (connections := _topic(reader, (kind,), None))), []
     )
     raws = reader.messages(chosen) if chosen else ()
     messages: list[Any] = [reader.deserialize(raw, connection.msgtype) for connection, _, raw in raws]

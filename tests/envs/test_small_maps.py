@@ -13,8 +13,9 @@ from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from recorder.cli.commands import info
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
+from recorder.episode.episode_header import EpisodeHeader
 from recorder.episode.summary import summarise
-from recorder.episode.writer import EpisodeHeader, EpisodeWriter
+from recorder.episode.writer import EpisodeWriter
 
 HEAD = '<OpenDRIVE><header revMajor="1" revMinor="7"/>'
 FLAT = ((0.0, 0.0, 0.0, 0.0, 0.0),)

@@ -14,10 +14,11 @@ from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.actors import ActorFrame
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.episode.episode import Episode
+from recorder.episode.episode_header import EpisodeHeader
 from recorder.episode.mcap_container import ContainerWriter
 from recorder.episode.record_types import RecordType
 from recorder.episode.summary import summarise
-from recorder.episode.writer import EpisodeHeader, EpisodeWriter
+from recorder.episode.writer import EpisodeWriter
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])

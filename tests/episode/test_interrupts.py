@@ -11,7 +11,8 @@ import numpy as np
 from recorder.episode import mcap_container, writer
 from recorder.episode.ego_messages import EgoRow
 from recorder.episode.episode import open_episode
-from recorder.episode.writer import EpisodeHeader, EpisodeWriter
+from recorder.episode.episode_header import EpisodeHeader
+from recorder.episode.writer import EpisodeWriter
 
 TICKS = 200
 WATCHED = {mcap_container.__file__, writer.__file__}

@@ -32,8 +32,8 @@ from recorder.dataset.trajectories import read_trajectory
 from recorder.episode.actor_messages import ACTORS
 from recorder.episode.ego_messages import EGO, EVENT
 from recorder.episode.episode import Episode
+from recorder.episode.episode_header import _checksum
 from recorder.episode.mcap_container import ContainerWriter, read_container
-from recorder.episode.writer import _checksum
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.trajectory_files import read_tum
 

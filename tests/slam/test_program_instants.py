@@ -18,7 +18,7 @@ from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory import Trajectory
 from recorder.slam.system import FrameClock
-from recorder.slam.systems import read_system_file
+from recorder.slam.system_file import read_system_file
 from recorder.writers.calibration.files import write_calibration
 from recorder.writers.rig_calibration import RigCalibration
 

@@ -12,7 +12,8 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.rigs.presets import rig_by_name
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 from recorder.slam.system import END
-from recorder.slam.systems import read_system_file, system_of
+from recorder.slam.system_file import read_system_file
+from recorder.slam.systems import system_of
 from recorder.writers.calibration.files import calibration_texts
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.topic_profiles import profile_by_name

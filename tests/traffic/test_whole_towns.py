@@ -21,12 +21,7 @@ from carlaloc_env.map.routing.route import Route
 from carlaloc_env.map.sources import find_town
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
-from carlaloc_env.timeline.actors import (
-    LIGHT_LEFT,
-    LIGHT_LOW_BEAM,
-    LIGHT_RIGHT,
-    ActorFrame,
-)
+from carlaloc_env.timeline.actors import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.traffic_config import TrafficConfig

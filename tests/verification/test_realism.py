@@ -1,4 +1,4 @@
-"""Figures beside real recordings: of sweeps, shakes and pictures whose figures follow from their making."""
+"""Metrics beside real recordings: of sweeps, shakes and pictures whose metrics follow from their making."""
 
 import json
 import math
@@ -19,9 +19,10 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.sensors.imu import ideal
 from recorder.cli.main import main
 from recorder.dataset.scans import Scan
-from recorder.verification.imu_figures import ImuLog, imu_figures
-from recorder.verification.lidar_figures import lidar_figures, sweeps_of
-from recorder.verification.realism import REAL_IMU, REAL_LIDAR, Figure, measure_realism
+from recorder.verification.imu_metrics import ImuLog, imu_metrics
+from recorder.verification.lidar_metrics import lidar_metrics, sweeps_of
+from recorder.verification.real_ranges import REAL_IMU, REAL_LIDAR
+from recorder.verification.realism import RealismMetric, measure_realism
 
 ELEVATION_DEG = -92.0 / 3.0 + 4.0 / 3.0 * np.arange(32)
 COLUMNS, PERIOD_S, HEIGHT_M, WALL_M = 1085, 0.05, 1.9, 25.0
@@ -52,7 +53,7 @@ def street(seed: int = 0, noise_m: float = 0.005, exponent: float = 0.5, columns
 
 def test_noise_of_ranges_is_found_on_road_and_wall() -> None:
     """5 mm of white noise: residuals of 5 mm; the fit of a parabola correlates neighbours below 0."""
-    found = lidar_figures([street(0), street(1)])
+    found = lidar_metrics([street(0), street(1)])
     assert found["road residual, 1.5 m [cm]"] == pytest.approx(0.5, rel=0.05)
     assert found["shot noise, 0.55 m, p50 [cm]"] == pytest.approx(0.5, rel=0.05)
     assert -0.2 < found["neighbours' correlation on the road"] < 0.0
@@ -67,7 +68,7 @@ def test_a_rough_road_correlates_neighbours() -> None:
     texture = (draw[:-2] + draw[1:-1] + draw[2:]).ravel()
     r = np.linalg.norm(scan.points_xyz_m, axis=1)
     rough = replace(scan, points_xyz_m=scan.points_xyz_m * ((r + texture) / r)[:, None])
-    assert 0.4 < lidar_figures([rough])["neighbours' correlation on the road"] < 0.67
+    assert 0.4 < lidar_metrics([rough])["neighbours' correlation on the road"] < 0.67
 
 
 def test_missing_and_mixed_returns_at_edges_are_counted() -> None:
@@ -79,11 +80,11 @@ def test_missing_and_mixed_returns_at_edges_are_counted() -> None:
     lost, mixed = edge & (ring % 5 == 0), edge & (ring > 19) & (ring % 5 == 1)
     points = scan.points_xyz_m.copy()
     points[mixed] *= (14.0 / r[mixed])[:, None]
-    found = lidar_figures([replace(scan, points_xyz_m=points).take(~lost)])
+    found = lidar_metrics([replace(scan, points_xyz_m=points).take(~lost)])
     jumps = 4 * edge.sum() - lost.sum() - mixed.sum()
     assert found["dropouts at range discontinuities"] == pytest.approx(lost.sum() / jumps, rel=1e-6)
     assert found["mixed pixels at range discontinuities"] == pytest.approx(mixed.sum() / jumps, rel=1e-6)
-    assert lidar_figures([scan])["dropouts at range discontinuities"] == 0.0
+    assert lidar_metrics([scan])["dropouts at range discontinuities"] == 0.0
 
 
 def test_returns_of_the_own_car_and_silent_rings() -> None:
@@ -92,19 +93,19 @@ def test_returns_of_the_own_car_and_silent_rings() -> None:
     near = (ring < 7) & (np.arange(len(ring)) % 4 == 0)
     points = scan.points_xyz_m.copy()
     points[near] *= (0.8 / np.linalg.norm(points[near], axis=1))[:, None]
-    found = lidar_figures([replace(scan, points_xyz_m=points).take((ring < 20) | (ring > 22))])
+    found = lidar_metrics([replace(scan, points_xyz_m=points).take((ring < 20) | (ring > 22))])
     assert found["own car: share below 2.5 m"] == pytest.approx(near.sum() / (29 * COLUMNS), rel=1e-6)
     assert found["no return, rings at -4 to -1 deg"] == 1.0
     assert found["no return, rings below -22 deg"] == 0.0
 
 
 @pytest.mark.parametrize("without", ["ring", "time", "both"])
-def test_clouds_without_rings_or_times_give_the_same_figures(without: str) -> None:
+def test_clouds_without_rings_or_times_give_the_same_metrics(without: str) -> None:
     scan = street(0)
     bare = scan if without == "time" else replace(scan, ring=None)
     bare = bare if without == "ring" else replace(bare, time_s=np.zeros(len(scan.time_s)))
-    whole = lidar_figures([scan])
-    for name, value in lidar_figures([bare]).items():
+    whole = lidar_metrics([scan])
+    for name, value in lidar_metrics([bare]).items():
         assert value == pytest.approx(whole[name], rel=0.05, abs=0.02), name
 
 
@@ -116,10 +117,10 @@ def test_clouds_that_are_no_sweeps_are_refused_in_one_line() -> None:
     draw = np.random.default_rng(0)
     cloud = replace(street(0), points_xyz_m=draw.normal(size=(32 * COLUMNS, 3)), ring=None)
     with pytest.raises(EvaluationError, match="no field ring"):
-        lidar_figures([cloud])
+        lidar_metrics([cloud])
     flying = replace(street(0), points_xyz_m=street(0).points_xyz_m + np.array([0.0, 0.0, 50.0]))
     with pytest.raises(EvaluationError, match=r"no road 1 to 3\.2 m below"):
-        lidar_figures([flying])
+        lidar_metrics([flying])
 
 
 def shaken(seconds: float = 40.0, rate_hz: float = 200.0) -> ImuLog:
@@ -154,7 +155,7 @@ def test_tones_are_found_in_their_bands_in_any_axes(axes: str) -> None:
         "paper": np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]]),
         "frd": np.diag([1.0, -1.0, -1.0]),
     }[axes]
-    found = imu_figures(turned(shaken(), R))
+    found = imu_metrics(turned(shaken(), R))
     tones = {"a_z 1-3": 0.3, "a_z 3-8": 0.1, "a_z 8-15": 0.05, "a_y 3-8": 0.2, "roll rate 1-3": 0.02}
     for name, size in tones.items():
         assert found[f"{name} Hz at 4-8 m/s"] == pytest.approx(size / math.sqrt(2), rel=0.02), name
@@ -168,7 +169,7 @@ def test_the_real_ride_shakes_as_kittis_car_does() -> None:
     motion = motion_at(motion_on("B", 100.0, "real", 6.0), -0.05, 0.32, 0.93)
     readings = ideal(motion)
     speed = np.hypot(*motion.velocity_world_mps[:, :2].T)
-    found = imu_figures(
+    found = imu_metrics(
         ImuLog(
             stamp_ns=motion.stamp_ns, force_mps2=readings[:, :3], rate_radps=readings[:, 3:], speed_mps=speed
         )
@@ -180,10 +181,10 @@ def test_the_real_ride_shakes_as_kittis_car_does() -> None:
 
 
 def test_verdicts_are_those_of_the_range() -> None:
-    figure = Figure(group="lidar", name="x", value=0.3, low=0.2, high=0.4, source="a car")
-    assert figure.verdict == "inside"
-    assert replace(figure, value=0.41).verdict == "OUTSIDE"
-    assert replace(figure, value=math.nan).verdict == replace(figure, low=None, high=None).verdict == ""
+    metric = RealismMetric(group="lidar", name="x", value=0.3, low=0.2, high=0.4, source="a car")
+    assert metric.verdict == "inside"
+    assert replace(metric, value=0.41).verdict == "OUTSIDE"
+    assert replace(metric, value=math.nan).verdict == replace(metric, low=None, high=None).verdict == ""
 
 
 @pytest.fixture(scope="module")
@@ -234,17 +235,17 @@ def blocks() -> Any:
 
 def test_a_strangers_bag_is_measured_as_its_parts_are(bag: Path) -> None:
     result = measure_realism(bag)
-    found = {figure.name: figure.value for figure in result.figures}
+    found = {metric.name: metric.value for metric in result.metrics}
     assert list(result.read) == ["lidar", "pictures", "imu"]
-    for name, value in lidar_figures([street(k) for k in range(0, 12, 2)]).items():
+    for name, value in lidar_metrics([street(k) for k in range(0, 12, 2)]).items():
         assert found[name] == pytest.approx(value, rel=0.01, abs=1e-3), name
     assert found["a_z 1-3 Hz at 4-8 m/s"] == pytest.approx(0.3 / math.sqrt(2), rel=0.03)
     assert found["acceleration at rest"] == pytest.approx(0.012, rel=0.05)
-    judged = {figure.name for figure in result.figures if figure.low is not None}
+    judged = {metric.name for metric in result.metrics if metric.low is not None}
     assert set(REAL_LIDAR) | set(REAL_IMU) <= judged
 
 
-def test_the_command_prints_figures_ranges_and_verdicts(
+def test_the_command_prints_metrics_ranges_and_verdicts(
     bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["realism", str(bag)]) == 0
@@ -254,7 +255,7 @@ def test_the_command_prints_figures_ranges_and_verdicts(
     assert "nuScenes" in text
     assert main(["realism", str(bag), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert result["judged"] == sum(figure["verdict"] != "" for figure in result["figures"])
+    assert result["judged"] == sum(metric["verdict"] != "" for metric in result["metrics"])
     assert result["inside"] > 0
 
 

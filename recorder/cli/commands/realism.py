@@ -31,29 +31,29 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     result = measure_realism(
         arguments.recording, lidar=arguments.lidar, camera=arguments.camera, imu=arguments.imu
     )
-    figures = [{**asdict(figure), "verdict": figure.verdict} for figure in result.figures]
-    judged = [figure["verdict"] for figure in figures if figure["verdict"]]
+    metrics = [{**asdict(metric), "verdict": metric.verdict} for metric in result.metrics]
+    judged = [metric["verdict"] for metric in metrics if metric["verdict"]]
     return {
         "recording": str(result.path),
         "read": result.read,
-        "figures": figures,
+        "metrics": metrics,
         "inside": judged.count("inside"),
         "judged": len(judged),
     }
 
 
 def show(result: dict[str, Any]) -> None:
-    """Print each group's figures, and the sources of its ranges."""
+    """Print each group's metrics, and the sources of its ranges."""
     for group, read in result["read"].items():
         print(f"{group}: {read}")
-        mine = [figure for figure in result["figures"] if figure["group"] == group]
-        known = [figure for figure in mine if figure["value"] == figure["value"]]
-        for figure in known:
-            real = "" if figure["low"] is None else f"real {figure['low']:g} to {figure['high']:g}"
-            print(f"  {figure['name']:40} {figure['value']:10.3f}  {real:22} {figure['verdict']}".rstrip())
-        if len(known) < len(mine):
-            print(f"  {len(mine) - len(known)} further figures cannot be measured here")
-        if judged := [figure["verdict"] for figure in mine if figure["verdict"]]:
+        mine = [metric for metric in result["metrics"] if metric["group"] == group]
+        measured = [metric for metric in mine if metric["value"] == metric["value"]]
+        for metric in measured:
+            real = "" if metric["low"] is None else f"real {metric['low']:g} to {metric['high']:g}"
+            print(f"  {metric['name']:40} {metric['value']:10.3f}  {real:22} {metric['verdict']}".rstrip())
+        if len(measured) < len(mine):
+            print(f"  {len(mine) - len(measured)} further metrics cannot be measured here")
+        if judged := [metric["verdict"] for metric in mine if metric["verdict"]]:
             print(f"  {judged.count('inside')} of {len(judged)} inside")
-        for source in dict.fromkeys(figure["source"] for figure in known if figure["source"]):
+        for source in dict.fromkeys(metric["source"] for metric in measured if metric["source"]):
             print(f"  real: {source}")

@@ -32,7 +32,7 @@ def _folders() -> dict[str, Path]:
 
 @functools.cache
 def _folders_below(root: Path) -> dict[str, Path]:
-    """The same of any folder, which is searched once."""
+    """Folders of all sequences below any folder, which is searched once."""
     folders = [sequence.path for sequence in sequences_below(root)]
     return {"_".join(folder.relative_to(root).parts).lower(): folder for folder in folders}
 
@@ -102,7 +102,7 @@ class _Sequences(Dataset):
         return "Simulated town"
 
     def vehicle(self) -> str:
-        """What carries the sensors."""
+        """Vehicle that carries the sensors."""
         return "Simulated car"
 
 

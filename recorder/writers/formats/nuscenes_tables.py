@@ -118,7 +118,7 @@ class Channel:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class SequenceTables:
-    """All that tables hold of a sequence, cut into scenes."""
+    """Rows of the tables of a sequence, cut into scenes."""
 
     name: str
     """Town and name of the sequence, the stem of all tokens."""

@@ -24,7 +24,7 @@ _TRIANGLES = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TownGround:
-    """What stands and lies in a town at all times."""
+    """Fixed things on the ground of a town."""
 
     name: str
     """Name of the town."""

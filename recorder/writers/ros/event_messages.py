@@ -37,7 +37,7 @@ def ros1_with_events(empty: bytes, sample: Events, epoch_ns: int) -> bytes:
 
 
 def cdr_with_events(empty: bytes, sample: Events, epoch_ns: int) -> bytes:
-    """The same for ROS 2.
+    """A serialised ROS 2 message without events, and with those of a sample.
 
     Args:
         empty: The message as CDR; it ends with a count of 0.
@@ -87,7 +87,7 @@ def unpacked_events(data: bytes) -> tuple[bytes, NDArray[np.void]]:
 
 
 def _rows_at(data: bytes, text_at: int, aligned: int) -> tuple[int, int] | None:
-    """Where the events of a message begin and how many they are, None where its length contradicts that."""
+    """First byte and number of the events of a message, None where its length contradicts that."""
     text_end = text_at + 4 + int.from_bytes(data[text_at : text_at + 4], "little")
     count_at = -(-text_end // aligned) * aligned + 8
     count = int.from_bytes(data[count_at : count_at + 4], "little")

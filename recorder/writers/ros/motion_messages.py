@@ -105,7 +105,7 @@ def objects(maker: MessageParts, header: Message, sample: ObjectList) -> Message
 
 
 def acceleration(maker: MessageParts, header: Message, sample: Odometry) -> Message:
-    """In the axes of the frame itself, gravity not included."""
+    """Acceleration in the axes of the frame itself, without gravity."""
     turn = transforms.quat_conjugate(sample.quat_xyzw)
     linear = maker.vector(transforms.quat_rotate(turn, sample.acceleration_world_mps2))
     accel = maker.new("geometry_msgs/Accel", linear=linear, angular=maker.vector(np.zeros(3)))

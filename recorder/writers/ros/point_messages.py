@@ -41,7 +41,7 @@ def points(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
 
 
 def points_labelled(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
-    """The same with tag and instance id."""
+    """Points as XYZIRT with tag and instance id."""
     return maker.table(header, _rows(sample, _LABELLED_DTYPE))
 
 

@@ -5,12 +5,7 @@ import pytest
 import shapely
 from shared_fixtures.worlds.towns import town_network
 
-from carlaloc_env.assets.direction_signs import (
-    CLEAR_M,
-    cantilever,
-    countdown_marker,
-    verge_sign,
-)
+from carlaloc_env.assets.direction_signs import CLEAR_M, cantilever, countdown_marker, verge_sign
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.map.config import TownConfig
 from carlaloc_env.map.sources import find_town

@@ -6,7 +6,8 @@ from carlaloc_env.core.ego import Controls
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from recorder.episode.ego_messages import EgoRow
-from recorder.episode.writer import EpisodeHeader, EpisodeWriter
+from recorder.episode.episode_header import EpisodeHeader
+from recorder.episode.writer import EpisodeWriter
 
 SIGNALS = 7
 """Signal heads."""

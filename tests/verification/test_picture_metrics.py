@@ -1,4 +1,4 @@
-"""Figures of pictures whose blur, noise, spectrum and saturation are known."""
+"""Metrics of pictures whose blur, noise, spectrum and saturation are known."""
 
 import cv2
 import numpy as np
@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 from carlaloc_env.core import clock
-from recorder.verification.picture_figures import (
+from recorder.verification.picture_metrics import (
     REAL_PICTURES,
     WIDTH_PX,
     edge_width_px,
     fast_corners,
     noise_dn,
-    picture_figures,
+    picture_metrics,
     spectrum_slope,
 )
 
@@ -40,9 +40,9 @@ def test_width_of_an_edge_is_that_of_its_blur(sigma_px: float, within_px: float,
 def test_a_plain_picture_has_no_edge_and_no_corner() -> None:
     plain = np.full((240, 320), 90, np.uint8)
     assert np.isnan(edge_width_px(plain.astype(np.float32)))
-    figures = picture_figures(plain)
-    assert figures["FAST corners"] == figures["contrast [DN]"] == figures["saturated [%]"] == 0
-    assert list(figures) == list(REAL_PICTURES)
+    metrics = picture_metrics(plain)
+    assert metrics["FAST corners"] == metrics["contrast [DN]"] == metrics["saturated [%]"] == 0
+    assert list(metrics) == list(REAL_PICTURES)
 
 
 @pytest.mark.parametrize("sigma_dn", [0.5, 2.0])
@@ -75,7 +75,7 @@ def test_corners_are_counted_by_cells() -> None:
 def test_saturation_and_size() -> None:
     picture = np.zeros((400, 2 * WIDTH_PX, 3), np.uint8)
     picture[:, : WIDTH_PX // 2] = 255
-    figures = picture_figures(picture)
-    assert figures["saturated [%]"] == pytest.approx(25.0, abs=0.1)
+    metrics = picture_metrics(picture)
+    assert metrics["saturated [%]"] == pytest.approx(25.0, abs=0.1)
     small = cv2.resize(picture, (WIDTH_PX, 200), interpolation=cv2.INTER_AREA)
-    assert picture_figures(small) == pytest.approx(figures, nan_ok=True)
+    assert picture_metrics(small) == pytest.approx(metrics, nan_ok=True)

@@ -1,4 +1,4 @@
-"""Figures of an IMU on a car: how strong its readings are in bands of frequency, by the car's speed.
+"""Metrics of an IMU on a car: how strong its readings are in bands of frequency, by the car's speed.
 
 They need no calibration: gravity shows the vertical, and bends show the lateral axis.
 """
@@ -35,8 +35,8 @@ class ImuLog:
     """Speed of the car [m/s], NaN where it is not known, shape (N,)."""
 
 
-def imu_figures(log: ImuLog) -> dict[str, float]:
-    """Figures by name; NaN where the car never had the speed for five seconds.
+def imu_metrics(log: ImuLog) -> dict[str, float]:
+    """Metrics by name; NaN where the car never had the speed for five seconds.
 
     Raises:
         EvaluationError: there are too few readings, or gravity is not among them.
@@ -49,7 +49,7 @@ def imu_figures(log: ImuLog) -> dict[str, float]:
     roll = log.rate_radps @ body[0]
     size = round(_SEGMENT_S / period_s)
     broken = np.concatenate([[False], np.abs(steps * 1e-9 - period_s) > 0.5 * period_s])
-    found: dict[str, float] = {}
+    metrics: dict[str, float] = {}
     for low, high in SPEEDS_MPS:
         begins = _segments((log.speed_mps >= low) & (log.speed_mps < high), broken, size)
         for name, signal, bands in (
@@ -58,11 +58,11 @@ def imu_figures(log: ImuLog) -> dict[str, float]:
             power = _spectrum(signal, begins, size, period_s)
             for band in bands:
                 key = f"{name} {band[0]}-{band[1]} Hz at {low:g}-{high:g} m/s"
-                found[key] = _in_band(power, band, size, period_s)
+                metrics[key] = _in_band(power, band, size, period_s)
     rest = _segments(log.speed_mps < _STANDING_MPS, broken, size)
     still = [log.force_mps2[begin : begin + size].std(axis=0).mean() for begin in rest]
-    found["acceleration at rest"] = float(np.median(still)) if still else float("nan")
-    return found
+    metrics["acceleration at rest"] = float(np.median(still)) if still else float("nan")
+    return metrics
 
 
 def _body_axes(log: ImuLog, period_s: float) -> Array:

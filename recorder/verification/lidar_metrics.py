@@ -1,4 +1,4 @@
-"""Figures of a spinning LiDAR's sweeps that differ between real recordings and drawn ones.
+"""Metrics of a spinning LiDAR's sweeps that differ between real recordings and drawn ones.
 
 They need no truth, so they hold for anybody's clouds: sweeps are laid on a grid of columns and rings, and
 noise, edges, missing returns and intensities are read from neighbours on it.
@@ -59,8 +59,8 @@ class _Windows(NamedTuple):
     """Standard deviation of the intensity over its mean."""
 
 
-def lidar_figures(scans: Sequence[Scan]) -> dict[str, float]:
-    """Figures by name, means over sweeps; NaN where clouds lack what a figure needs.
+def lidar_metrics(scans: Sequence[Scan]) -> dict[str, float]:
+    """Metrics by name, means over sweeps; NaN where clouds lack what a metric needs.
 
     Args:
         scans: Sweeps of one sensor whose z axis points up, 1 to 3.2 m above the road.
@@ -68,11 +68,11 @@ def lidar_figures(scans: Sequence[Scan]) -> dict[str, float]:
     Raises:
         EvaluationError: points lie on no rings, or see no road.
     """
-    rows = [_figures(sweep) for sweep in sweeps_of(scans)]
+    rows = [_metrics(sweep) for sweep in sweeps_of(scans)]
     table = np.array([list(row.values()) for row in rows], np.float64)
-    known = np.isfinite(table)
-    total = np.where(known, table, 0.0).sum(axis=0)
-    means = np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+    is_measured = np.isfinite(table)
+    total = np.where(is_measured, table, 0.0).sum(axis=0)
+    means = np.where(is_measured.any(axis=0), total / np.maximum(is_measured.sum(axis=0), 1), np.nan)
     return dict(zip(rows[0], means.tolist(), strict=True))
 
 
@@ -161,7 +161,7 @@ def _mean_step(steps: Array) -> float:
     return float(single.mean())
 
 
-def _figures(sweep: Sweep) -> dict[str, float]:
+def _metrics(sweep: Sweep) -> dict[str, float]:
     xyz, r, intensity = sweep.xyz_m, sweep.range_m, sweep.intensity
     answered = np.isfinite(r)
     near = r[answered]
@@ -232,9 +232,9 @@ def _road_plane(sweep: Sweep) -> tuple[Array, float]:
 def _windows(sweep: Sweep, length_m: float, fewest: int) -> _Windows:
     """Stretches of about a length without a jump of range, one after the other on each ring."""
     step = np.sqrt((np.diff(sweep.xyz_m, axis=0) ** 2).sum(axis=2))
-    found = np.empty((sweep.range_m.size // 2 + 1, 3), np.int64)
-    count = _stretches(sweep.range_m, step, length_m, fewest, found)
-    ring, first, last = found[:count].T
+    stretches = np.empty((sweep.range_m.size // 2 + 1, 3), np.int64)
+    count = _stretches(sweep.range_m, step, length_m, fewest, stretches)
+    ring, first, last = stretches[:count].T
     lengths = last - first + 1
     rows = [np.zeros((0, 7))]
     for n in np.unique(lengths).tolist():

@@ -1,4 +1,4 @@
-"""Figures of a camera's picture that differ between real recordings and drawn ones.
+"""Metrics of a camera's picture that differ between real recordings and drawn ones.
 
 They need no truth, so they hold for anybody's pictures.
 """
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import F32, Array
 
 WIDTH_PX = 1280
-"""Wider pictures are shrunk to this width first, since all figures depend on the number of pixels [px]."""
+"""Wider pictures are shrunk to this width first, since all metrics depend on the number of pixels [px]."""
 FAST_THRESHOLD, CELL_CORNERS, CELLS = 20, 5, (6, 8)
 """Difference [DN] of FAST's corners, corners of a cell that is covered, and rows and columns of cells."""
 SATURATED_DN = 250
@@ -44,8 +44,8 @@ KITTI, whose pictures are sharpened and half as high, has gradients of 4.9 to 8.
 """
 
 
-def picture_figures(image: NDArray[np.uint8]) -> dict[str, float]:
-    """Figures of a picture by name; NaN where a picture has nothing to measure.
+def picture_metrics(image: NDArray[np.uint8]) -> dict[str, float]:
+    """Metrics of a picture by name; NaN where a picture has nothing to measure.
 
     Args:
         image: Grey values (H, W), or colours in the order of OpenCV (H, W, 3).
@@ -111,23 +111,23 @@ def _step_widths(grey: F32) -> Array:
 
 
 def _crossing(share: Array, level: float) -> Array:
-    """Where each row of (N, M) first exceeds a level, between samples, shape (N,)."""
+    """Places, between samples, at which rows of (N, M) first exceed a level, shape (N,)."""
     after = np.maximum(np.argmax(share > level, axis=1), 1)
     rows = np.arange(len(share))
     before = share[rows, after - 1]
-    found: Array = after - (share[rows, after] - level) / np.maximum(share[rows, after] - before, 1e-6)
-    return found
+    place: Array = after - (share[rows, after] - level) / np.maximum(share[rows, after] - before, 1e-6)
+    return place
 
 
 def fast_corners(codes: NDArray[np.uint8]) -> tuple[int, int]:
     """Number of FAST corners, and of 6 × 8 cells with at least five of them."""
-    found = cv2.FastFeatureDetector.create(FAST_THRESHOLD).detect(codes)
-    if not found:
+    corners = cv2.FastFeatureDetector.create(FAST_THRESHOLD).detect(codes)
+    if not corners:
         return 0, 0
-    x, y = np.array([corner.pt for corner in found]).T
+    x, y = np.array([corner.pt for corner in corners]).T
     (rows, columns), (height, width) = CELLS, codes.shape
     cell = (y * rows / height).astype(int) * columns + (x * columns / width).astype(int)
-    return len(found), int((np.bincount(cell, minlength=rows * columns) >= CELL_CORNERS).sum())
+    return len(corners), int((np.bincount(cell, minlength=rows * columns) >= CELL_CORNERS).sum())
 
 
 def noise_dn(grey: F32) -> float:
