@@ -2,11 +2,11 @@
 
 from carlaloc_env.map.checks.report import MapReport as MapReport
 from carlaloc_env.map.checks.report import check_map as check_map
+from recorder.benchmark.config import BenchmarkConfig as BenchmarkConfig
 from recorder.benchmark.page import write_benchmark_report as write_benchmark_report
-from recorder.benchmark.results import BenchmarkConfig as BenchmarkConfig
-from recorder.benchmark.results import Score as Score
 from recorder.benchmark.run import BenchmarkResult as BenchmarkResult
 from recorder.benchmark.run import run_benchmark as run_benchmark
+from recorder.benchmark.score import Score as Score
 from recorder.dataset.layout import FORMATS as FORMATS
 from recorder.dataset.layout import sequences_below as sequences_below
 from recorder.dataset.scans import Scan as Scan
@@ -42,7 +42,6 @@ from recorder.evaluation.trajectory_files import write_tum as write_tum
 from recorder.factory import DatasetConfig as DatasetConfig
 from recorder.factory import make_dataset as make_dataset
 from recorder.laboratory.breaking import BreakConfig as BreakConfig
-from recorder.laboratory.breaking import Range as Range
 from recorder.laboratory.breaking import find_break as find_break
 from recorder.laboratory.breaking import write_counter_example as write_counter_example
 from recorder.laboratory.closed_loop import ClosedLoopConfig as ClosedLoopConfig
@@ -64,6 +63,7 @@ from recorder.laboratory.places import PlacesConfig as PlacesConfig
 from recorder.laboratory.places import compare_places as compare_places
 from recorder.laboratory.pose_source import PoseSource as PoseSource
 from recorder.laboratory.pose_source import SystemPose as SystemPose
+from recorder.laboratory.search_space import Range as Range
 from recorder.laboratory.sweep import Axis as Axis
 from recorder.laboratory.sweep import SweepConfig as SweepConfig
 from recorder.laboratory.sweep_curves import areas_of as areas_of

@@ -27,10 +27,10 @@ from carlaloc_env.weather.presets import weather_by_name
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing that was looked at."""
+    """Result of one check."""
 
     name: str
-    """What was looked at."""
+    """Name of the check."""
     works: bool
     """Whether it works."""
     needed: bool

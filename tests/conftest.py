@@ -25,7 +25,7 @@ pytest_plugins = [
 LONG = tuple(
     f"tests/{place}"
     for place in (
-        *("whole/", "streaming/", "replaying/", "envs/", "benchmark/", "robustness/", "window/", "drive/"),
+        *("whole/", "streaming/", "replaying/", "envs/", "benchmark/", "bad_input/", "window/", "drive/"),
         *("sweep/", "breaking/", "closed_loop/", "places/", "consistency/", "map_truth/test_map_commands.py"),
         *("demo/", "factory/", "verification/", "writers/test_full_disks.py", "cli/test_closed_pipe.py"),
         *("render/lighting/test_sunlit_lanes.py", "rigs/test_industrial_camera.py"),

@@ -26,7 +26,7 @@ written only in the output; writes are atomic; a drive loses at most its last se
 |---|---|---|---|---|---|---|
 """
 TOLD = (
-    ("tests/robustness", "test_a_hundred_thousand_inputs or at_random"),
+    ("tests/bad_input", "test_a_hundred_thousand_inputs or at_random"),
     ("tests/drive", "test_killed_at_fifty_random_moments"),
     ("tests/envs", "a_row or resets"),
 )

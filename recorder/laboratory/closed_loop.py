@@ -64,7 +64,7 @@ class DriveScore:
     ended_by: str
     """``goal``, ``collision``, ``off_road``, ``off_route``, ``time``, ``standing`` or ``estimator``."""
     reason: str
-    """Why the estimator died; empty: it did not."""
+    """Reason for the estimator's failure; empty if none."""
     collision: bool
     red_lights: int
     lateral_mean_m: float

@@ -31,7 +31,7 @@ MARKER = "run.json"
 OWNER = "owner"
 """Claim of the run that lives (`claim` of `output_paths`)."""
 WHOLE = "whole\n"
-"""Second line of that file, once all that the run writes is whole."""
+"""Second line of that file, written when all outputs are complete."""
 UNITS = "units"
 """Folder of finished units."""
 SHARED = (CALIBRATION, GROUND_TRUTH)

@@ -13,8 +13,8 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import yaml
-from robustness.command_lines import command_lines
-from robustness.mutations import Splices, attributes, damages, elements, lines, spliced, trees
+from bad_input.command_lines import command_lines
+from bad_input.mutations import Splices, attributes, damages, elements, lines, spliced, trees
 from shared_fixtures.readings.pose_bags import PATH, POSES, TF, Messages
 from shared_fixtures.readings.pose_tables import DRESSINGS, S, drive
 

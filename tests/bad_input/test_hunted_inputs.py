@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robustness.hunt import Tally, WriteGuard, hunt
-from robustness.targets import Seeds, targets
+from bad_input.hunt import Tally, WriteGuard, hunt
+from bad_input.targets import Seeds, targets
 
 from carlaloc_env.core.files.array_cache import default_cache_dir
 from recorder.drive.record import RecordConfig, record
