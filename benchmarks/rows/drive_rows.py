@@ -21,7 +21,7 @@ from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.weather.schedule import weather_of
 from recorder.devices.registry import open_device
 from recorder.drive.episode_listener import EpisodeListener
-from recorder.episode.episode import EpisodeHeader
+from recorder.episode.episode_header import EpisodeHeader
 from recorder.episode.writer import EpisodeWriter
 from recorder.window.drive_status import DriveStatus
 

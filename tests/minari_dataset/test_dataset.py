@@ -20,7 +20,7 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.traffic_config import traffic_of_town
 from recorder.cli.main import main
 from recorder.drive.episode_listener import EpisodeListener
-from recorder.episode.episode import EpisodeHeader
+from recorder.episode.episode_header import EpisodeHeader
 from recorder.episode.writer import EpisodeWriter
 from recorder.minari.dataset import MinariConfig, write_minari
 
