@@ -8,8 +8,7 @@ from shared_fixtures.drives.episodes import write_drive
 from carlaloc_env.core.errors import EpisodeError, MapError
 from carlaloc_env.town.build import load_town
 from recorder.episode.episode import Episode
-from recorder.episode.episode_header import EpisodeHeader
-from recorder.episode.episode_header import _checksum
+from recorder.episode.episode_header import EpisodeHeader, _checksum
 from recorder.episode.episode_town import check_kept_town, town_id_of, town_of
 from recorder.episode.writer import EpisodeWriter
 
