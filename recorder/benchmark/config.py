@@ -39,9 +39,9 @@ class BenchmarkConfig:
     """Which kept results are made again: ``failed`` or ``all`` of them; None: none."""
 
     def __post_init__(self) -> None:
-        found = len(usable_cores())
-        if not 1 <= self.workers <= found:
-            raise ConfigError(f"{self.workers} workers; {found} cores may be used, one run needs one")
+        core_count = len(usable_cores())
+        if not 1 <= self.workers <= core_count:
+            raise ConfigError(f"{self.workers} workers; {core_count} cores may be used, one run needs one")
         for cloud in self.clouds:
             if cloud not in (RAW, SEGMENTED):
                 raise ConfigError(f"no clouds '{cloud}'; choose from {RAW}, {SEGMENTED}")

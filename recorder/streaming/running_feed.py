@@ -96,6 +96,6 @@ class RunningFeed:
         if status:
             log = self._out / LOG
             raise EvaluationError(last_line(log) or f"the feed ended with {status}; see {log}")
-        found = json.loads((self._out / SHARES).read_text(encoding="utf-8"))
-        self.shared = (int(found["shared"][0]), int(found["shared"][1]))
-        return dict(found["movers"])
+        feed_summary = json.loads((self._out / SHARES).read_text(encoding="utf-8"))
+        self.shared = (int(feed_summary["shared"][0]), int(feed_summary["shared"][1]))
+        return dict(feed_summary["movers"])

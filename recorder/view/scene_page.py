@@ -321,14 +321,14 @@ def page_of_sequence(
     page.add_ego(truth.stamp_ns[::step], truth.position_m[::step], truth.quat_xyzw[::step])
     if not estimates:
         page.add_path("truth", truth.position_m[::step], TRUTH)
-    for k, found in enumerate(estimates):
+    for k, estimate in enumerate(estimates):
         # Paths of a sensor on the roof are drawn on the road, below it.
-        height_m = float(np.median(found.truth_m[:, 2] - truth.at(found.stamp_ns).position_m[:, 2]))
+        height_m = float(np.median(estimate.truth_m[:, 2] - truth.at(estimate.stamp_ns).position_m[:, 2]))
         if k == 0:
-            page.add_path("truth", found.truth_m, TRUTH, 0.3 - height_m)
-        error_m = np.sqrt(np.mean(found.error_m**2))
+            page.add_path("truth", estimate.truth_m, TRUTH, 0.3 - height_m)
+        error_m = np.sqrt(np.mean(estimate.error_m**2))
         colour = COLOURS[k % len(COLOURS)]
-        page.add_path(f"{found.name}, {error_m:.3f} m", found.estimate_m, colour, 0.33 - height_m)
+        page.add_path(f"{estimate.name}, {error_m:.3f} m", estimate.estimate_m, colour, 0.33 - height_m)
     if sequence.rig.of_kind("lidar"):
         page.add_clouds(_clouds(sequence, period_s), _TABLE, period_s)
     page.add_pictures(_pictures(sequence, period_s))

@@ -182,14 +182,14 @@ def jpeg_of(picture: object, width_px: int = IMAGE_WIDTH_PX, quality: int = JPEG
 
 def _log_estimates(recording: Recording, estimates: Sequence[PathErrors]) -> None:
     """Paths as they lie after the fit, and their position errors over time."""
-    for k, found in enumerate(estimates):
-        name, colour = found.name or f"estimate {k + 1}", COLOURS[k % len(COLOURS)]
+    for k, estimate in enumerate(estimates):
+        name, colour = estimate.name or f"estimate {k + 1}", COLOURS[k % len(COLOURS)]
         entity = _entity(name)
-        recording.path(f"{WORLD}/estimates/{entity}", found.estimate_m, colour, 0.1)
+        recording.path(f"{WORLD}/estimates/{entity}", estimate.estimate_m, colour, 0.1)
         looks = recording.rerun.SeriesLines(colors=[colour], names=[name])
         recording.always(f"error_m/{entity}", looks)
-        scalars = recording.rerun.Scalars.columns(scalars=found.error_m)
-        recording.columns(f"error_m/{entity}", found.stamp_ns, scalars)
+        scalars = recording.rerun.Scalars.columns(scalars=estimate.error_m)
+        recording.columns(f"error_m/{entity}", estimate.stamp_ns, scalars)
 
 
 def _entity(name: str) -> str:

@@ -90,7 +90,7 @@ class Opening(AbstractContextManager["Opening"]):
 
 def _kept_times(path: Path) -> dict[str, float]:
     try:
-        found = json.loads(path.read_text())
+        seconds_by_town = json.loads(path.read_text())
     except (OSError, ValueError):
         return {}
-    return {str(k): float(v) for k, v in found.items()} if isinstance(found, dict) else {}
+    return {str(k): float(v) for k, v in seconds_by_town.items()} if isinstance(seconds_by_town, dict) else {}
