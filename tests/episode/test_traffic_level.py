@@ -3,12 +3,12 @@
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.traffic import population
+from carlaloc_env.traffic import traffic_config
 from recorder.episode.traffic_level import LEVEL_WORDS, LEVELS, traffic_level
 
 
 def test_levels_of_drives_and_replays_are_the_same() -> None:
-    assert LEVELS == population.LEVELS
+    assert LEVELS == traffic_config.LEVELS
     assert set(LEVELS) < set(LEVEL_WORDS)
 
 
