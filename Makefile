@@ -61,6 +61,7 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/prose.py
+	$(BIN)/python .ci/modules.py
 	@$(BIN)/python .ci/code_lines.py
 	$(BIN)/python .ci/audit.py
 

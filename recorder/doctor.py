@@ -4,7 +4,6 @@ import os
 import platform
 import re
 import shutil
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,10 +18,15 @@ from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.core.files.array_cache import cache_bound_bytes, cache_files, default_cache_dir
+from carlaloc_env.core.files.library_versions import installed_distributions
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.presets import weather_by_name
+
+_ONE_PYBULLET = (
+    "pip uninstall pybullet pybullet-arm64, then install CarlaLoc again: pip takes the one that has a wheel"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,13 +74,13 @@ def examine(out: Path | None = None) -> DoctorReport:
         graphics,
         _gpu(_gpus(Path("/")), is_used=graphics.works and not draws_on_cores),
         _guarded("ray casting", _rays, needed=True, remedy="apt-get install libgomp1 libusb-1.0-0 libidn2-0"),
-        _guarded("physics", _physics, needed=True, remedy="pip install --force-reinstall pybullet"),
+        _guarded("physics", _physics, needed=True, remedy=_ONE_PYBULLET),
         _guarded("joystick", _joystick, needed=False, remedy="none is needed: the scripted driver drives"),
         _disk(out or Path.cwd()),
         _cache(),
-        _optional("kiss_icp", "`carlaloc odometry`", "slam", below=(3, 14)),
+        _optional("kiss_icp", "`carlaloc odometry`", "slam"),
         _optional("small_gicp", "LiDAR odometry in `carlaloc demo`", "slam"),
-        _optional("rko_lio", "LiDAR-inertial odometry in `carlaloc demo`", "slam", below=(3, 14)),
+        _optional("rko_lio", "LiDAR-inertial odometry in `carlaloc demo`", "slam"),
         _optional("matplotlib", "trajectory plots", "report"),
     )
     quality = "high" if graphics.works and not draws_on_cores else "medium"
@@ -167,6 +171,9 @@ def _rays() -> tuple[bool, str]:
 
 
 def _physics() -> tuple[bool, str]:
+    builds = installed_distributions("pybullet")
+    if len(builds) > 1:
+        return False, f"{' and '.join(builds)} are both installed, and both bring the module pybullet"
     from carlaloc_env.physics.ego import EgoCar
     from carlaloc_env.physics.world import PhysicsWorld
 
@@ -179,7 +186,8 @@ def _physics() -> tuple[bool, str]:
         car.tick(Controls(throttle=0.3))
     per_tick_s = (time.perf_counter() - begin) / 400
     world.close()
-    return True, f"PyBullet, {TICK_S / per_tick_s:.0f}× real time on an empty road"
+    build = "".join(f" {version} ({name})" for name, version in builds.items())
+    return True, f"PyBullet{build}, {TICK_S / per_tick_s:.0f}× real time on an empty road"
 
 
 def _joystick() -> tuple[bool, str]:
@@ -207,10 +215,8 @@ def _cache() -> Finding:
     return _finding("cache", True, f"{detail}; `carlaloc doctor --clear-cache` empties it")
 
 
-def _optional(module: str, purpose: str, extra: str, *, below: tuple[int, int] | None = None) -> Finding:
+def _optional(module: str, purpose: str, extra: str) -> Finding:
     remedy = f'pip install "carlaloc-env[{extra}]"'
-    if below is not None and sys.version_info >= below:
-        remedy += f", in a Python older than {below[0]}.{below[1]}"
     return _finding(module, find_spec(module) is not None, f"for {purpose}", remedy)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ import yaml
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.config_files import to_mapping
+from carlaloc_env.core.files.library_versions import library_version
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.checksums import file_sha256, write_checksums
@@ -167,7 +167,10 @@ def write_manifest(
     document = {
         **({} if recipe is None else {"recipe": dict(recipe)}),
         "drives": {town: dict(origin) for town, origin in drives.items()},
-        "versions": {**{name: version(name) for name in VERSIONED}, "python": platform.python_version()},
+        "versions": {
+            **{name: library_version(name) for name in VERSIONED},
+            "python": platform.python_version(),
+        },
         "sequences": [str(folder.path.relative_to(out)) for folder in sequences_below(out)],
     }
     with atomic_write(out / DATASET, WriterError) as part:

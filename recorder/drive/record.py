@@ -7,13 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
+from carlaloc_env.core.files.library_versions import library_version
 from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
 from carlaloc_env.core.freed_memory import give_back_freed_memory
 from carlaloc_env.driving.driving_world import DrivingWorld
@@ -276,7 +276,7 @@ def episode_header(
     config: RecordConfig, town: Town, world: DrivingWorld, device: str, catalog: ActorCatalog
 ) -> EpisodeHeader:
     """Everything that a replay needs to rebuild the drive's world."""
-    versions = {name: version(name) for name in VERSIONED}
+    versions = {name: library_version(name) for name in VERSIONED}
     return EpisodeHeader(
         map_name=town.name,
         town_hash=town.town_hash,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from importlib.metadata import version
 from pathlib import Path
 
 import carlaloc_env
 import recorder
+from carlaloc_env.core.files.library_versions import library_version
 from recorder.dataset.manifest import VERSIONED
 
 _SUFFIXES = (".py", ".glsl", ".vert", ".frag", ".jinja")
@@ -24,5 +24,5 @@ def code_digest() -> str:
             digest.update(f"{path.relative_to(folder)}\n".encode())
             digest.update(path.read_bytes())
     for name in VERSIONED:
-        digest.update(f"{name} {version(name)}\n".encode())
+        digest.update(f"{name} {library_version(name)}\n".encode())
     return digest.hexdigest()

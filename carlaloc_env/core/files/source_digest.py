@@ -10,8 +10,10 @@ import importlib
 import re
 import sys
 from contextlib import suppress
-from importlib import metadata
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
+
+from carlaloc_env.core.files.library_versions import library_version
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n#]*)|import[ \t]+([^\n#]+))", re.MULTILINE
@@ -106,8 +108,8 @@ def _folder_of(package: str) -> Path:
 @functools.cache
 def _version(library: str) -> str:
     if library == "open3d":  # importing it takes half a second, which what casts no rays need not wait for
-        with suppress(metadata.PackageNotFoundError):
-            return metadata.version(library)
+        with suppress(PackageNotFoundError):
+            return library_version(library)
     try:
         module = importlib.import_module(library)
     except ImportError:
