@@ -152,7 +152,7 @@ def test_kept_machine_code_is_read_and_written_by_one_at_a_time(tmp_path: Path) 
 
 def test_numba_still_keeps_its_stamp_where_ours_replaces_it() -> None:
     """Without the attribute nothing would be kept on disk any more: every start would compile for minutes."""
-    from carlaloc_env.sensors.event_camera import pixels as log_intensity
+    from carlaloc_env.sensors.event_camera import log_intensity
 
     assert log_intensity.log_of._cache._cache_file._source_stamp == source_digest(log_intensity.__name__)
 
