@@ -21,7 +21,6 @@ def test_a_closed_pipe_ends_every_command_quietly(straight_drive: StraightDrive,
         ["info", drive, "--json"],
         ["maps", "check", str(straight_drive.town)],
         ["evaluate", str(truth), str(truth), "--json"],
-        ["edit", "cut", drive, "--end", "1", "--out", str(tmp_path / "cut.mcap")],
         ["no-such-command", "--json"],
         ["--version"],
     ]

@@ -13,9 +13,9 @@ ROOT = Path(__file__).parents[3]
 
 def copy_of_checkout(folder: Path) -> Path:
     """All that a source distribution is made of, without what git ignores; returns the folder."""
-    for name in (".ci", "carlaloc_env", "recorder", "maps"):
+    for name in ("carlaloc_env", "recorder", "maps"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder / name)
     return folder
 
