@@ -1,6 +1,7 @@
 # Each target does all set-up itself; a second run starts at once.
 BIN := .venv/bin
 READY := .venv/ready
+PEERS := .venv/peers
 DEMO := .venv/demo
 # `make test-all COVERAGE=` counts no lines, and takes a quarter less of the processor in tests of plain Python.
 COVERAGE := --cov=carlaloc_env --cov=recorder --cov-report=
@@ -9,7 +10,7 @@ COVERAGE := --cov=carlaloc_env --cov=recorder --cov-report=
 
 setup: $(READY)
 
-$(READY): EXTRAS := slam,evalio,report,parquet,compact,dev
+$(READY): EXTRAS := slam,report,compact,dev
 # As README installs; the tools of tests would take as long again.
 $(DEMO): EXTRAS := slam,report
 
@@ -18,6 +19,11 @@ $(READY) $(DEMO): pyproject.toml .ci/system-libraries
 		if [ "$$python" != $(BIN)/python ]; then "$$python" -m venv --clear .venv; fi
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --no-compile --editable ".[$(EXTRAS)]"
+	@touch $@
+
+# What long tests compare with: as large as all other tools.
+$(PEERS): $(READY)
+	$(BIN)/python -m pip install --quiet --no-compile --editable ".[peers]"
 	@touch $@
 
 .venv/warm: $(READY)
@@ -41,17 +47,17 @@ docs: $(READY)
 
 # Tests start hundreds of processes: each reads compiled sources, whatever the shell says of writing them.
 test test-long test-all: export PYTHONDONTWRITEBYTECODE =
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
+PYTEST := $(BIN)/python -m pytest -rs -n 2 --dist loadscope --no-loadscope-reorder
 
 # What a change breaks first.
 test: .venv/warm
 	$(PYTEST) -m "not soak and not long"
 
 # The rest of `make test-all`.
-test-long: .venv/warm
+test-long: .venv/warm $(PEERS)
 	$(PYTEST) -m "long and not soak"
 
-test-all: .venv/warm
+test-all: .venv/warm $(PEERS)
 	$(PYTEST) -m "not soak" $(COVERAGE)
 	@[ -z "$(COVERAGE)" ] || echo "coverage: $$($(BIN)/python -m coverage report --format=total) % of lines"
 
@@ -71,7 +77,7 @@ bench: $(READY)
 findings: $(READY)
 	$(BIN)/python docs/findings/findings.py --work out/findings
 
-soak: $(READY)
+soak: $(PEERS)
 	$(BIN)/python -m pytest -m soak
 
 clean:

@@ -36,12 +36,14 @@ LONG = tuple(
             "traffic/test_traffic_near_ego.py",
             "render/test_steady_pictures.py",
         ),
+        *("map/lanes/test_network_carla.py", "writers/formats/test_colmap.py", "slam/test_evalio_dataset.py"),
+        *("slam/test_evalio_points.py", "evaluation/test_long_tum.py", "publishing/"),
         "slam/test_program_instants.py",
         *("slam/test_keeper.py", "slam/test_external_programs.py", "slam/test_ros1_play.py"),
         "writers/ros/test_ros_tools.py",
     )
 )
-"""Where tests start processes, replays, environments, windows or programs of others, or draw for long.
+"""Where tests start processes, replays, environments, windows or programs of others, or need the extra `peers`.
 
 `make test` leaves these places out, `make test-long` runs them.
 """

@@ -201,6 +201,7 @@ def odd_town() -> Any:
     return town
 
 
+@pytest.mark.long
 def test_an_odd_town_is_a_whole_network() -> None:
     """carla.Map finds every driving lane of a town with uneven junctions connected at both ends."""
     carla = pytest.importorskip("carla")

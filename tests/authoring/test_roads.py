@@ -188,6 +188,7 @@ def motorway() -> Any:
     return town
 
 
+@pytest.mark.long
 def test_a_loop_with_ramps_is_a_whole_network() -> None:
     """carla.Map leads from the motorway down the exit, along the street and back on to the motorway."""
     carla = pytest.importorskip("carla")

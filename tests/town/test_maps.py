@@ -203,6 +203,7 @@ def test_every_lane_at_lights_belongs_to_one_group(plain: PlainMap) -> None:
     assert seen > 0 or not heads
 
 
+@pytest.mark.long
 def test_carla_reads_the_same_map(path: pathlib.Path, plain: PlainMap) -> None:
     """carla.Map: no NaN, as many lanes, and its waypoints on our lane centres."""
     carla = pytest.importorskip("carla")

@@ -12,6 +12,7 @@ from carlaloc_env.weather.parameters import WeatherParameters
 from carlaloc_env.weather.presets import PRESETS, weather_by_name
 
 
+@pytest.mark.long
 def test_presets_are_those_of_the_carla_package() -> None:
     carla = pytest.importorskip("carla", reason="the carla client wheel is a dev extra")
     names = [

@@ -128,6 +128,7 @@ def test_odometry_and_evaluate_go_on_from_a_bag(home: Path, capsys: pytest.Captu
     assert result["metrics"]["ape_translation"]["rmse"] < 0.3
 
 
+@pytest.mark.long
 def test_evalio_lists_the_sequences(home: Path) -> None:
     pytest.importorskip("evalio", reason="needs evalio")
     *settings, _, what, kind = command("CARLALOC_DATA=")

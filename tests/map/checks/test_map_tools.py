@@ -108,6 +108,7 @@ def test_the_drive_follows_lanes(path: pathlib.Path) -> None:
 
 
 @each_map
+@pytest.mark.long
 def test_the_drive_is_as_long_in_carla(path: pathlib.Path) -> None:
     """Shortest way through the same points over carla.Map's topology."""
     carla = pytest.importorskip("carla")
