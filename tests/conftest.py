@@ -43,7 +43,7 @@ LONG = tuple(
         "writers/ros/test_ros_tools.py",
     )
 )
-"""Where tests start processes, replays, environments or windows, or need others' programs or the extra `peers`.
+"""Where tests start processes, replays, environments or windows, or need other programs or the extra `peers`.
 
 `make test` leaves these places out, `make test-long` runs them.
 """
