@@ -100,8 +100,8 @@ def _finding(name: str, works: bool, detail: str, remedy: str = "", *, needed: b
 
 
 def _python() -> str:
-    usable, found = len(usable_cores()), os.cpu_count() or 1
-    cores = f"{found} cores" if usable == found else f"{usable} of {found} cores may be used"
+    usable, total = len(usable_cores()), os.cpu_count() or 1
+    cores = f"{total} cores" if usable == total else f"{usable} of {total} cores may be used"
     return f"{platform.python_version()} on {platform.system()} {platform.machine()}, {cores}"
 
 
@@ -130,19 +130,19 @@ _MAKERS = {"0x10de": "NVIDIA", "0x1002": "AMD", "0x8086": "Intel"}
 def _gpus(root: Path) -> list[str]:
     """Names of the GPUs that the system shows, or those of their makers."""
     abouts = [path.read_text() for path in sorted(root.glob("proc/driver/nvidia/gpus/*/information"))]
-    found = [name for about in abouts for name in re.findall(r"^Model:\s*(.+)$", about, re.MULTILINE)]
-    if not found:
-        found = ["NVIDIA"] * len(list(root.glob("dev/nvidia[0-9]*")))
+    models = [name for about in abouts for name in re.findall(r"^Model:\s*(.+)$", about, re.MULTILINE)]
+    if not models:
+        models = ["NVIDIA"] * len(list(root.glob("dev/nvidia[0-9]*")))
     makers = [path.read_text().strip() for path in sorted(root.glob("sys/class/drm/renderD*/device/vendor"))]
-    known = [_MAKERS[maker] for maker in makers if maker in _MAKERS]
-    return found + [maker for maker in known if maker != "NVIDIA" or not found]
+    maker_names = [_MAKERS[maker] for maker in makers if maker in _MAKERS]
+    return models + [maker for maker in maker_names if maker != "NVIDIA" or not models]
 
 
-def _gpu(found: Sequence[str], *, is_used: bool) -> Finding:
+def _gpu(gpus: Sequence[str], *, is_used: bool) -> Finding:
     """Whether pictures are drawn by the GPU that is there, if there is one."""
-    if not found:
+    if not gpus:
         return _finding("GPU", True, "none found; pictures are drawn without")
-    detail = f"{', '.join(found)}: {'draws the pictures' if is_used else 'there, but not used by OpenGL'}"
+    detail = f"{', '.join(gpus)}: {'draws the pictures' if is_used else 'there, but not used by OpenGL'}"
     remedy = "give OpenGL the GPU: docs/install.md#a-gpu-for-opengl"
     return _finding("GPU", is_used, detail, remedy)
 

@@ -234,10 +234,10 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
             raise WriterError(busy(out, holder))
         file.seek(0)
         text = file.read()
-        found: Any = json.loads(text) if text else {}
-        if not found and DatasetFolder(out).description.exists():
-            found = DatasetManifest.read(out, WriterError).recipe or {"towns": None}
-        other = [name for name, value in recipe.items() if found and found.get(name) != value]
+        begun_recipe: Any = json.loads(text) if text else {}
+        if not begun_recipe and DatasetFolder(out).description.exists():
+            begun_recipe = DatasetManifest.read(out, WriterError).recipe or {"towns": None}
+        other = [name for name, value in recipe.items() if begun_recipe and begun_recipe.get(name) != value]
         if other:
             raise WriterError(
                 f"{out} holds a dataset of other {other[0]}; choose another --out or delete it first"

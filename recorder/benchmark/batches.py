@@ -138,8 +138,8 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
 
     asked = [[keys[k] for k in lane] for lane in numbers]
     with RunningFeed(batch.frames, asked, work.folder, feed_cores) as feed:
-        ends = {k: end for lane, found in zip(numbers, feed.connections, strict=True)
-                for k, end in zip(lane, found, strict=True)}  # fmt: skip
+        ends = {k: end for lane, connections in zip(numbers, feed.connections, strict=True)
+                for k, end in zip(lane, connections, strict=True)}  # fmt: skip
         with ThreadPoolExecutor(len(batch.jobs)) as pool:
             futures = [pool.submit(run, k, ends[k]) for k in range(len(batch.jobs))]
             try:
@@ -165,13 +165,13 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
         keep(job, replace(record, error=fault) if failed else record, config, "" if failed else fingerprint)
 
 
-def share_cores(found: Sequence[int], workers: int) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
+def share_cores(cores: Sequence[int], workers: int) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
     """Cores of the feed and of each lane; with fewer cores than lanes and feed, all share all."""
-    share = len(found) // (workers + 1)
+    share = len(cores) // (workers + 1)
     if not share:
-        return tuple(found), [tuple(found)] * workers
-    lanes = [tuple(found[k * share : (k + 1) * share]) for k in range(workers)]
-    return tuple(found[workers * share :]), lanes
+        return tuple(cores), [tuple(cores)] * workers
+    lanes = [tuple(cores[k * share : (k + 1) * share]) for k in range(workers)]
+    return tuple(cores[workers * share :]), lanes
 
 
 def run_on_files(

@@ -92,8 +92,8 @@ def pairs_of(cell: pd.DataFrame) -> pd.DataFrame:
     pairs = cell.merge(cell, on=["method", "town"], suffixes=("", "_base"))
     pairs["what"] = _compared(pairs)
     pairs["ratio"] = pairs["median"] / pairs["median_base"]
-    known = pairs["median"].notna() & (pairs["median_base"] > 0)
-    pairs = pairs[known & (pairs["what"] != "")].copy()
+    has_ratio = pairs["median"].notna() & (pairs["median_base"] > 0)
+    pairs = pairs[has_ratio & (pairs["what"] != "")].copy()
     pairs["repeated"] = (pairs["measured"] > 1) & (pairs["measured_base"] > 1)
     overlap = (pairs["low"] <= pairs["high_base"]) & (pairs["low_base"] <= pairs["high"])
     pairs["within"] = pairs["repeated"] & overlap

@@ -55,7 +55,9 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
     bars = _real_time(runs, colour)
     sections = []
     for k, sequence in enumerate(result.sequences):
-        here = [(job, found) for job, found in errors if job.sequence == sequence and job.run == 1]
+        here = [
+            (job, path_errors) for job, path_errors in errors if job.sequence == sequence and job.run == 1
+        ]
         if here:
             sections.append(_section(f"s{k}", sequence, here, colour))
     template = Path(__file__).with_name("page.html.jinja").read_text(encoding="utf-8")
@@ -95,7 +97,7 @@ def _boxes(
     result: BenchmarkResult, errors: Sequence[tuple[Job, PathErrors]], colour: dict[str, str]
 ) -> list[Box]:
     """A box for each system and condition, of all runs that have not failed."""
-    error_m = {job: found.error_m for job, found in errors}
+    error_m = {job: path_errors.error_m for job, path_errors in errors}
     grouped = defaultdict(list)
     for job, score in zip(result.jobs, result.scores, strict=True):
         label = f"{score.town} {score.weather} {traffic_label(score.traffic, score.cloud)}"
@@ -123,16 +125,16 @@ def _section(
     name: str, sequence: BenchmarkSequence, runs: Sequence[tuple[Job, PathErrors]], colour: dict[str, str]
 ) -> dict[str, Any]:
     """What the page shows of a sequence."""
-    start_ns = min(int(found.stamp_ns[0]) for _, found in runs)
-    longest = max((found for _, found in runs), key=lambda found: len(found.stamp_ns))
+    start_ns = min(int(errors.stamp_ns[0]) for _, errors in runs)
+    longest = max((errors for _, errors in runs), key=lambda errors: len(errors.stamp_ns))
     way_s, way_m = (longest.stamp_ns - start_ns) * 1e-9, longest.way_m
     above, over_time, over_way = [], [], []
-    for job, found in runs:
-        line = partial(Line, label=found.name, colour=colour[job.system.name], dashed=job.cloud != RAW)
-        seconds = np.asarray((found.stamp_ns - start_ns) * 1e-9, np.float64)
-        above.append(line(x=found.estimate_m[:, 0], y=found.estimate_m[:, 1]))
-        over_time.append(line(x=seconds, y=found.error_m))
-        over_way.append(line(x=np.asarray(np.interp(seconds, way_s, way_m), np.float64), y=found.error_m))
+    for job, errors in runs:
+        line = partial(Line, label=errors.name, colour=colour[job.system.name], dashed=job.cloud != RAW)
+        seconds = np.asarray((errors.stamp_ns - start_ns) * 1e-9, np.float64)
+        above.append(line(x=errors.estimate_m[:, 0], y=errors.estimate_m[:, 1]))
+        over_time.append(line(x=seconds, y=errors.error_m))
+        over_way.append(line(x=np.asarray(np.interp(seconds, way_s, way_m), np.float64), y=errors.error_m))
     peaks_s = [float(line.x[np.argmax(line.y)]) for line in over_time]
     stills = _stills(sequence, start_ns, peaks_s)
     lanes_m = [line[::4, :2] for line in lane_lines_of(sequence.town)]
@@ -160,7 +162,7 @@ def _stills(sequence: BenchmarkSequence, start_ns: int, peaks_s: Sequence[float]
     offset_s = (first_ns - start_ns) * 1e-9
     import av
 
-    found: list[tuple[float, str]] = []
+    stills: list[tuple[float, str]] = []
     with av.open(str(film)) as container:
         stream = container.streams.video[0]
         rate = float(stream.average_rate or 10)
@@ -169,10 +171,10 @@ def _stills(sequence: BenchmarkSequence, start_ns: int, peaks_s: Sequence[float]
         wanted = {round((t - offset_s) * rate) for t in peaks_s} | set(even)
         for k, frame in enumerate(container.decode(stream)):
             if k in wanted:
-                found.append(
+                stills.append(
                     (k / rate + offset_s, _jpeg(np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)))
                 )
-    return found
+    return stills
 
 
 def _jpeg(image: U8) -> str:

@@ -100,10 +100,10 @@ def find_sequences(folder: Path) -> list[BenchmarkSequence]:
     Raises:
         ConfigError: there is none, or a description cannot be read.
     """
-    found = sequences_below(folder)
-    if not found:
+    sequences = sequences_below(folder)
+    if not sequences:
         raise ConfigError(f"{folder} holds no sequence; give a folder that `carlaloc replay --out` wrote")
-    return [_sequence(one.path, folder) for one in found]
+    return [_sequence(one.path, folder) for one in sequences]
 
 
 def _sequence(path: Path, root: Path) -> BenchmarkSequence:

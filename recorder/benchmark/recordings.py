@@ -17,12 +17,12 @@ def write_recordings(result: BenchmarkResult) -> list[Path]:
         OutputError: a file may not be written.
         MissingDependencyError: rerun is not installed.
     """
-    found = [(job.sequence, errors) for job, errors in result.errors() if job.run == 1]
+    first_runs = [(job.sequence, errors) for job, errors in result.errors() if job.run == 1]
     return [
         record_sequence(
             SlamSequence(sequence.path),
             result.out / FOLDER / f"{sequence.key}.rrd",
-            estimates=[errors for at, errors in found if at == sequence],
+            estimates=[errors for at, errors in first_runs if at == sequence],
             overwrite=True,
         )
         for sequence in result.sequences

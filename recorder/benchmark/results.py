@@ -63,10 +63,10 @@ def read_shared(out: Path) -> list[dict[str, int]]:
 def read_result(job: Job, config: BenchmarkConfig) -> tuple[Score, str] | None:
     """The score of a run, and what that depended on; None: there is none that can be read."""
     try:
-        found = json.loads((config.out / job.folder / RESULT).read_text(encoding="utf-8"))
-        if found["format"] != _FORMAT:
+        document = json.loads((config.out / job.folder / RESULT).read_text(encoding="utf-8"))
+        if document["format"] != _FORMAT:
             return None
-        return Score(**found["score"]), str(found["fingerprint"])
+        return Score(**document["score"]), str(document["fingerprint"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

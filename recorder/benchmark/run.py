@@ -101,7 +101,7 @@ def run_benchmark(
     if not jobs:
         raise ConfigError("nothing to run; choose other methods or clouds")
     config.out.mkdir(parents=True, exist_ok=True)
-    found: dict[int, Score] = {}
+    scored: dict[int, Score] = {}
     fingerprints = {job.folder: fingerprint_of(job, config) for job in jobs}
     for k, job in enumerate(jobs):
         score, depended = read_result(job, config) or (None, "")
@@ -110,24 +110,24 @@ def run_benchmark(
         # A program's build is unknown here, so that its failure does not last; what was scored does.
         lost = score.coverage == 0 and is_system_file(job.method)
         if not lost and (config.again != "failed" or score.failed is None):
-            found[k] = score
-    reused = len(found)
-    pending = [job for k, job in enumerate(jobs) if k not in found]
+            scored[k] = score
+    reused = len(scored)
+    pending = [job for k, job in enumerate(jobs) if k not in scored]
     looked = {one.path: _looked_at(one, pending) for one in sequences}
     sequences = list(looked.values())
     jobs = [replace(job, sequence=looked[job.sequence.path]) for job in jobs]
-    run = _Run(jobs, found, config, fingerprints, progress)
+    run = _Run(jobs, scored, config, fingerprints, progress)
     try:
-        run.all_of([k for k in range(len(jobs)) if k not in found])
+        run.all_of([k for k in range(len(jobs)) if k not in scored])
     except KeyboardInterrupt:
-        kept = f"{len(found)} of {len(jobs)} runs are kept, and the same command resumes from there"
+        kept = f"{len(scored)} of {len(jobs)} runs are kept, and the same command resumes from there"
         raise KeyboardInterrupt(kept) from None
     except OSError as error:
         why = f"cannot write below {config.out}: {error.strerror or error}"
         raise EvaluationError(f"{why}; make room, and the same command resumes from there") from error
     # How much of a drive moves is known when it has been read.
     movers = {sequence.key: sequence.movers for sequence in sequences}
-    scores = [replace(found[k], movers=movers[job.sequence.key]) for k, job in enumerate(jobs)]
+    scores = [replace(scored[k], movers=movers[job.sequence.key]) for k, job in enumerate(jobs)]
     return BenchmarkResult(sequences=list(sequences), jobs=jobs, scores=scores, reused=reused, out=config.out)
 
 
@@ -136,10 +136,10 @@ def _looked_at(sequence: BenchmarkSequence, pending: Sequence[Job]) -> Benchmark
     needs = {need for job in pending if job.sequence.path == sequence.path for need in job.system.needs}
     if not needs or sequence.stream is not None or sequence.faults:
         return sequence
-    found = "; ".join(faults_of(SlamSequence(sequence.path), with_imu="imu" in needs))
-    if found:
-        _LOG.warning("%s: %s", sequence.key, found)
-    return replace(sequence, findings=found)
+    findings = "; ".join(faults_of(SlamSequence(sequence.path), with_imu="imu" in needs))
+    if findings:
+        _LOG.warning("%s: %s", sequence.key, findings)
+    return replace(sequence, findings=findings)
 
 
 class _Run:
@@ -148,12 +148,12 @@ class _Run:
     def __init__(
         self,
         jobs: Sequence[Job],
-        found: dict[int, Score],
+        scored: dict[int, Score],
         config: BenchmarkConfig,
         fingerprints: Mapping[Path, str],
         progress: Progress,
     ) -> None:
-        self._jobs, self._found, self._config, self._progress = jobs, found, config, progress
+        self._jobs, self._scored, self._config, self._progress = jobs, scored, config, progress
         self._fingerprints = fingerprints
         self._numbers = {job.folder: k for k, job in enumerate(jobs)}
         self._stop, self._lock = threading.Event(), threading.Lock()
@@ -178,9 +178,9 @@ class _Run:
 
     def _beside(self, jobs: Sequence[Job]) -> None:
         """Run jobs over folders, some at a time, each on its own cores."""
-        workers, found = self._config.workers, usable_cores()
-        share = len(found) // workers
-        free = [found[k * share : (k + 1) * share] for k in range(workers)]
+        workers, cores = self._config.workers, usable_cores()
+        share = len(cores) // workers
+        free = [cores[k * share : (k + 1) * share] for k in range(workers)]
 
         def work(job: Job) -> None:
             with self._lock:
@@ -243,11 +243,11 @@ class _Run:
         part = sum(
             len(task.job.batch.jobs) * done / task.job.batch.frames.length_s for task, done in done_s.items()
         )
-        self._progress(len(self._found) + part, len(self._jobs), None)
+        self._progress(len(self._scored) + part, len(self._jobs), None)
 
     def _ended(self, job: Job, score: Score) -> None:
         """Take note of a score, and report it."""
         outcome = f"fail: {score.failed}" if score.failed else f"APE {score.ape_m:.3f} m"
         with self._lock:
-            self._found[self._numbers[job.folder]] = score
-            self._progress(len(self._found), len(self._jobs), f"{job.folder.relative_to('runs')}: {outcome}")
+            self._scored[self._numbers[job.folder]] = score
+            self._progress(len(self._scored), len(self._jobs), f"{job.folder.relative_to('runs')}: {outcome}")

@@ -88,7 +88,7 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
     """
     sequence, system = SlamSequence(job.sequence.path), job.system
     costs = ("version", "wall_s", "cpu_s", "peak_memory_mb", "cores", "frame_median_s", "frame_p99_s")
-    known: dict[str, Any] = {
+    facts: dict[str, Any] = {
         **{name: getattr(job.sequence, name) for name in ("dataset", "town", "weather", "traffic", "movers")},
         **{name: getattr(record, name) for name in costs},
         "cloud": job.cloud,
@@ -102,7 +102,7 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
         "findings": job.sequence.findings,
     }
     if record.error is not None:
-        return Score(**known, failed=record.error)
+        return Score(**facts, failed=record.error)
     try:
         truth = read_tum(sequence.truth_file(system.frame))
         result = evaluate(
@@ -114,16 +114,16 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
             expected=max(record.frames - 1, 1),
         )
     except CarlaLocError as error:
-        return Score(**known, failed=str(error))
+        return Score(**facts, failed=str(error))
     PathErrors.of(result, job.title).save(folder / ERRORS)
-    known["findings"] = "; ".join(filter(None, [job.sequence.findings, *result.findings]))
+    facts["findings"] = "; ".join(filter(None, [job.sequence.findings, *result.findings]))
     sensor = sequence.lidar if system.sensor == "lidar" else sequence.stereo[0]
     rmse = {metric: statistics.rmse for metric, statistics in result.statistics.items()}
     attitude_deg = float("nan")
     if Metric.APE_ROTATION in rmse:
         attitude_deg = Statistics.of(attitude_errors_deg(result.truth, result.estimate)).rmse
     return Score(
-        **known,
+        **facts,
         failed=rule.why_failed(result),
         ape_m=rmse[Metric.APE_TRANSLATION],
         ape_deg=rmse.get(Metric.APE_ROTATION, float("nan")),

@@ -100,16 +100,16 @@ def _tex(word: str) -> str:
 
 def all_tables(runs: pd.DataFrame) -> Tables:
     """Titles and words: errors of visual and LiDAR systems as in Tables II and IV, ratios, and costs."""
-    found = []
+    tables = []
     for visual in sorted(runs["visual"].unique(), reverse=True):
         part, name = runs[runs["visual"] == visual], "Visual" if visual else "LiDAR"
         for column, title in _FIGURES.items():
-            found.append((f"{name} systems: {title}", error_table(part, column, by_weather=visual)))
-    found.append(("Ratios of APE", ratio_table(runs)))
-    found.append(("Cost", cost_table(runs)))
-    found.append(("Why runs failed", failure_table(runs)))
-    found.append(("Findings about data and estimates", failure_table(runs, "findings")))
-    return [(title, table) for title, table in found if len(table)]
+            tables.append((f"{name} systems: {title}", error_table(part, column, by_weather=visual)))
+    tables.append(("Ratios of APE", ratio_table(runs)))
+    tables.append(("Cost", cost_table(runs)))
+    tables.append(("Why runs failed", failure_table(runs)))
+    tables.append(("Findings about data and estimates", failure_table(runs, "findings")))
+    return [(title, table) for title, table in tables if len(table)]
 
 
 def titles_of(runs: pd.DataFrame) -> pd.Series:
@@ -200,8 +200,8 @@ def failure_table(runs: pd.DataFrame, column: str = "failed") -> pd.DataFrame:
     runs = runs.assign(**{column: runs[column].where(runs[column] != "")})
     cloud = (" " + runs["cloud"]).where(runs["cloud"] != RAW, "")
     condition = runs["weather"] + " " + runs["traffic"] + cloud
-    found = runs.groupby([runs["title"], runs["town"], condition.rename("condition")], sort=False)[column]
-    table = found.agg(
+    groups = runs.groupby([runs["title"], runs["town"], condition.rename("condition")], sort=False)[column]
+    table = groups.agg(
         lost="count", runs="size", reason=lambda reasons: "; ".join(reasons.dropna().unique())
     ).reset_index()
     table = table[table["lost"] > 0].rename(columns={"title": "system"})

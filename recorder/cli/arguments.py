@@ -144,16 +144,16 @@ def force_option(parser: argparse.ArgumentParser, what: str) -> None:
 
 def config_of(kind: type[T], arguments: argparse.Namespace, **given: Any) -> T:
     """A configuration: its fields are the options of the same names, and those that are given."""
-    known = {field.name for field in fields(cast(Any, kind))} & vars(arguments).keys()
-    return kind(**{**{name: getattr(arguments, name) for name in known}, **given})
+    options = {field.name for field in fields(cast(Any, kind))} & vars(arguments).keys()
+    return kind(**{**{name: getattr(arguments, name) for name in options}, **given})
 
 
 def names(text: str) -> tuple[str, ...]:
     """Names separated by commas."""
-    found = tuple(part.strip() for part in text.split(",") if part.strip())
-    if not found:
+    parts = tuple(part.strip() for part in text.split(",") if part.strip())
+    if not parts:
         raise argparse.ArgumentTypeError("give at least one name")
-    return found
+    return parts
 
 
 def numbers(text: str) -> tuple[float, ...]:
@@ -298,14 +298,18 @@ class _ConditionAction(argparse.Action):
         from recorder.replaying.condition_file import ConditionFile
 
         try:
-            found = ConditionFile.read(values)
+            condition = ConditionFile.read(values)
         except ConfigError as error:
             raise UsageError(str(error)) from error
         namespace.condition = values
-        namespace.weather, namespace.traffic = (found.weather,), (found.traffic,)
-        namespace.lidar_weather = found.lidar_weather
-        namespace.fault = found.fault_words
-        for name, value in (("start", found.start_s), ("duration", found.duration_s), ("seed", found.seed)):
+        namespace.weather, namespace.traffic = (condition.weather,), (condition.traffic,)
+        namespace.lidar_weather = condition.lidar_weather
+        namespace.fault = condition.fault_words
+        for name, value in (
+            ("start", condition.start_s),
+            ("duration", condition.duration_s),
+            ("seed", condition.seed),
+        ):
             if value is not None and hasattr(namespace, name):
                 setattr(namespace, name, value)
 

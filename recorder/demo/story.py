@@ -135,7 +135,7 @@ def run_systems(config: DemoConfig, progress: RunProgress) -> BenchmarkResult:
     """
     methods = tuple(name for name in METHODS if SYSTEMS[name].is_installed)
     workers = min(2, len(usable_cores()))
-    found = run_benchmark(
+    result = run_benchmark(
         BenchmarkConfig(
             data=config.out / "data",
             out=config.out / "benchmark",
@@ -145,20 +145,20 @@ def run_systems(config: DemoConfig, progress: RunProgress) -> BenchmarkResult:
         ),
         progress,
     )
-    if any(score.coverage == 0.0 for score in found.scores):
-        raise CarlaLocError(found.failures[0])
-    return found
+    if any(score.coverage == 0.0 for score in result.scores):
+        raise CarlaLocError(result.failures[0])
+    return result
 
 
-def scores_of(found: BenchmarkResult) -> Scores:
+def scores_of(result: BenchmarkResult) -> Scores:
     """Scores and errors, side by side for the levels of traffic."""
     scores: Scores = {}
-    for score, (_, errors) in zip(found.scores, found.errors(), strict=True):
+    for score, (_, errors) in zip(result.scores, result.errors(), strict=True):
         scores.setdefault(f"{score.title}, {score.weather}", {})[score.traffic] = score, errors
     return dict(sorted(scores.items()))
 
 
-def draw_story(config: DemoConfig, found: BenchmarkResult, truth: Path) -> list[Path]:
+def draw_story(config: DemoConfig, result: BenchmarkResult, truth: Path) -> list[Path]:
     """Draw errors over the map, and write the benchmark's page; nothing without the extra `report`."""
     if not REPORT:
         return []
@@ -175,10 +175,10 @@ def draw_story(config: DemoConfig, found: BenchmarkResult, truth: Path) -> list[
     )
     errors = {
         system: {level: by_level[level][1] for level in TRAFFIC}
-        for system, by_level in scores_of(found).items()
+        for system, by_level in scores_of(result).items()
     }
     plot = plot_conditions(errors, config.out / "story.png", lane_lines_of(header.map_name), title)
-    return [plot, write_page(found)]
+    return [plot, write_page(result)]
 
 
 def write_scene(config: DemoConfig, sequences: Sequence[Path], scores: Scores) -> Path:

@@ -83,11 +83,11 @@ def make_profile(
             expo=expo,
         )
     buttons = dict(model.buttons) if model is not None else {}
-    for command, found in (("throttle", throttle), ("brake", brake)):
+    for command, pedal in (("throttle", throttle), ("brake", brake)):
         # One button does one thing, and a pedal is what was found now.
-        buttons = {key: button for key, button in buttons.items() if key != command and button != found}
-        if isinstance(found, int):
-            buttons[command] = found
+        buttons = {key: button for key, button in buttons.items() if key != command and button != pedal}
+        if isinstance(pedal, int):
+            buttons[command] = pedal
     return DeviceProfile(
         name=name,
         kind=kind,
@@ -101,8 +101,8 @@ def make_profile(
     )
 
 
-def _pedal(found: AxisFound | int | None) -> AxisShape | None:
-    return AxisShape(axis=found[0], rest=found[1], full=found[2]) if isinstance(found, tuple) else None
+def _pedal(pedal: AxisFound | int | None) -> AxisShape | None:
+    return AxisShape(axis=pedal[0], rest=pedal[1], full=pedal[2]) if isinstance(pedal, tuple) else None
 
 
 def calibrate(kind: str, *, ask: Ask, inputs: Inputs | None = None, folder: Path | None = None) -> Path:
@@ -181,10 +181,10 @@ def _rest(source: Inputs, stick: Stick) -> list[float]:
 
 
 def _find_axis(source: Inputs, stick: Stick, rest: Sequence[float], line: str, ask: Ask) -> AxisFound:
-    found = _find(source, stick, rest, line, ask, ())
-    if isinstance(found, int):
-        raise DeviceError(f"button {found} was pressed, but only an axis steers; calibrate again")
-    return found
+    axis_or_button = _find(source, stick, rest, line, ask, ())
+    if isinstance(axis_or_button, int):
+        raise DeviceError(f"button {axis_or_button} was pressed, but only an axis steers; calibrate again")
+    return axis_or_button
 
 
 def _find(
@@ -201,11 +201,11 @@ def _find(
             still_since, last = time.monotonic(), list(stick.raw)
             pressed = presses[-1] if presses else pressed
         samples.append(list(stick.raw))
-        found = find_axis(rest, samples, taken)
+        moving_axis = find_axis(rest, samples, taken)
         if time.monotonic() - still_since > _HOLD_S:
             # Triggers may press a button on their way; the axis is worth more.
-            if found is not None:
-                return found[0], rest[found[0]], found[1]
+            if moving_axis is not None:
+                return moving_axis[0], rest[moving_axis[0]], moving_axis[1]
             if pressed is not None:
                 return pressed
     raise DeviceError("nothing has moved for 30 s; check the plug and calibrate again")

@@ -167,8 +167,8 @@ class HumanDevice:
             handbrake=handbrake,
         )
         if self._kind == "wheel":
-            found = self._roles.of("steer")
-            rotation = found[1].rotation_deg if found is not None else 900.0
+            driven = self._roles.of("steer")
+            rotation = driven[1].rotation_deg if driven is not None else 900.0
             target = wheel_steer(turned, rotation, self._params)
         else:
             target = turned * steer_limit(speed_mps, self._params)
@@ -206,13 +206,13 @@ class HumanDevice:
     def _pressed_from_the_start(self) -> str | None:
         """Names a pedal that has never been at rest, and therefore does not act."""
         for role in ("throttle", "brake"):
-            found = self._roles.of(role)
-            if found is None or rested(*found, role):
+            driven = self._roles.of(role)
+            if driven is None or rested(*driven, role):
                 continue
-            shape: AxisShape = getattr(found[1], role)
-            raw = found[0].axis(shape.axis)
+            shape: AxisShape = getattr(driven[1], role)
+            raw = driven[0].axis(shape.axis)
             if raw is not None and shape_axis(raw, shape) > 0.0:
-                return f"let go of the {role} of {found[0].name}; if nothing presses it: {self._calibrate}"
+                return f"let go of the {role} of {driven[0].name}; if nothing presses it: {self._calibrate}"
         return None
 
     @property
@@ -238,18 +238,18 @@ class HumanDevice:
         return None
 
     def _steering_raw(self) -> float | None:
-        found = self._roles.of("steer")
-        if found is None or found[1].steer is None:
+        driven = self._roles.of("steer")
+        if driven is None or driven[1].steer is None:
             return None
-        raw = found[0].axis(found[1].steer.axis)
-        return None if raw is None else shape_axis(raw, found[1].steer)
+        raw = driven[0].axis(driven[1].steer.axis)
+        return None if raw is None else shape_axis(raw, driven[1].steer)
 
     def _pedal(self, role: str) -> float:
-        found = self._roles.of(role)
-        if found is None or not rested(*found, role):
+        driven = self._roles.of(role)
+        if driven is None or not rested(*driven, role):
             return 0.0
-        shape: AxisShape = getattr(found[1], role)
-        raw = found[0].axis(shape.axis)
+        shape: AxisShape = getattr(driven[1], role)
+        raw = driven[0].axis(shape.axis)
         return 0.0 if raw is None else max(0.0, shape_axis(raw, shape))
 
     def _held(self, command: Command) -> bool:

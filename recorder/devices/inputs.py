@@ -30,7 +30,7 @@ class Stick:
     """pygame joystick; its events stop when it is let go."""
     raw: list[float] = field(default_factory=list)
     """Last value of every axis, −1…1."""
-    known: list[bool] = field(default_factory=list)
+    trusted: list[bool] = field(default_factory=list)
     """Whether the value of an axis can be believed."""
     buttons: set[int] = field(default_factory=set)
     """Buttons held down."""
@@ -39,11 +39,11 @@ class Stick:
 
     def follow(self, number: int, value: float) -> None:
         """Note that an axis has moved."""
-        before, was_known = self.raw[number], self.known[number]
+        before, was_trusted = self.raw[number], self.trusted[number]
         self.raw[number] = value
-        self.known[number] |= abs(value - before) > _STIRRED
-        if self.known[number]:
-            first = before if was_known else value
+        self.trusted[number] |= abs(value - before) > _STIRRED
+        if self.trusted[number]:
+            first = before if was_trusted else value
             low, high = self.seen.get(number, (first, first))
             self.seen[number] = min(low, value), max(high, value)
 
@@ -59,7 +59,7 @@ class Stick:
 
     def axis(self, number: int) -> float | None:
         """Raw value of an axis, None while it is unknown or where there is no such axis."""
-        if number >= len(self.raw) or not self.known[number]:
+        if number >= len(self.raw) or not self.trusted[number]:
             return None
         return self.raw[number]
 
@@ -193,7 +193,7 @@ class Inputs:
                 usb=usb_of_guid(handle.get_guid()),
                 handle=handle,
                 raw=raw,
-                known=[abs(value) > _STIRRED for value in raw],
+                trusted=[abs(value) > _STIRRED for value in raw],
             )
         except self._pygame.error:
             # It was pulled out between its event and now; the event of that is on its way.

@@ -75,8 +75,8 @@ class DeviceProfile:
     @property
     def axes(self) -> tuple[AxisShape, ...]:
         """All axes that are read."""
-        known = (self.steer, self.throttle, self.brake, self.handbrake)
-        return tuple(shape for shape in known if shape is not None)
+        shapes = (self.steer, self.throttle, self.brake, self.handbrake)
+        return tuple(shape for shape in shapes if shape is not None)
 
 
 def profile_folder() -> Path:
@@ -124,14 +124,14 @@ def known_profiles(folder: Path | None = None) -> list[DeviceProfile]:
     """
     with suppress(OutputError):
         folder = folder or profile_folder()
-    found = []
+    profiles = []
     for path in sorted(folder.glob("*.yaml")) if folder and os.access(folder, os.R_OK) else []:
-        found.append(read_profile(read_text(path, "device profile"), str(path)))
+        profiles.append(read_profile(read_text(path, "device profile"), str(path)))
     shipped = files("recorder.devices") / "profiles"
     for entry in sorted(shipped.iterdir(), key=lambda item: item.name):
         if entry.name.endswith(".yaml"):
-            found.append(read_profile(entry.read_text(encoding="utf-8"), entry.name))
-    return [profile for profile in found if profile.platform in (None, sys.platform)]
+            profiles.append(read_profile(entry.read_text(encoding="utf-8"), entry.name))
+    return [profile for profile in profiles if profile.platform in (None, sys.platform)]
 
 
 def match_profile(
@@ -149,13 +149,13 @@ def match_profile(
         kinds: Kinds that are wanted.
         axis_count: Number of axes of the device.
     """
-    found = [
+    candidates = [
         (fit, fit >= BY_KIND and profile.misses(axis_count), profile)
         for profile in profiles
         if profile.kind in kinds
         and ((fit := fit_of(usb, name, profile)) < BY_KIND or _reads_some(profile, axis_count))
     ]
-    best = min(found, key=lambda item: (*item[:2], item[2].axis_count is None), default=None)
+    best = min(candidates, key=lambda item: (*item[:2], item[2].axis_count is None), default=None)
     return None if best is None else best[2]
 
 

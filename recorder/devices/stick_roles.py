@@ -66,16 +66,16 @@ class StickRoles:
         for shape in profile.axes:
             if shape.axis < len(stick.raw) and abs(stick.raw[shape.axis] - shape.rest) < 0.02:
                 # The calibrated rest value is as good as a movement.
-                stick.known[shape.axis] |= abs(shape.rest) > 0.5
+                stick.trusted[shape.axis] |= abs(shape.rest) > 0.5
         self.sticks.append((stick, profile))
-        lost = self._steerer if all(known is not self._steerer for known, _ in self.sticks) else None
+        lost = self._steerer if all(other is not self._steerer for other, _ in self.sticks) else None
         if stick.usb in (self._preferred, lost and lost.usb):
             self._steerer, self._preferred = stick, None
         return True
 
     def _lose(self, stick: Stick) -> bool:
         """Forget a stick; False: it was not used."""
-        left = [(known, profile) for known, profile in self.sticks if known is not stick]
+        left = [(other, profile) for other, profile in self.sticks if other is not stick]
         was_used = len(left) < len(self.sticks)
         self.sticks = left
         for other, _ in left if stick is self._steerer else ():

@@ -45,7 +45,7 @@ def standard_drives(
     Raises:
         EpisodeError: a drive cannot be written.
     """
-    found = []
+    drives = []
     for number, town in enumerate(towns):
         target = out / f"{town}.mcap"
 
@@ -55,8 +55,8 @@ def standard_drives(
 
         if not target.exists():
             record_drive(town, target, seed=STANDARD_SEEDS.get(town, 0), progress=driving)
-        found.append(target)
-    return tuple(found)
+        drives.append(target)
+    return tuple(drives)
 
 
 def record_drive(

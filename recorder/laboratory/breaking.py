@@ -92,17 +92,17 @@ class _Bench:
     def __init__(self, config: BreakConfig, report: Callable[[Try], None]) -> None:
         self._config, self._report = config, report
         self.tries: list[Try] = []
-        self._known: dict[object, Try] = {}
+        self._tried: dict[object, Try] = {}
 
     def run(self, shares: dict[str, float], start_s: float) -> Try:
         """The try at a place."""
         shares = {name: round(share / STEP) * STEP for name, share in shares.items() if share >= STEP}
         key = (tuple(sorted(shares.items())), start_s)
-        if key not in self._known:
-            self._known[key] = tried = self._run(shares, start_s)
+        if key not in self._tried:
+            self._tried[key] = tried = self._run(shares, start_s)
             self.tries.append(tried)
             self._report(tried)
-        return self._known[key]
+        return self._tried[key]
 
     def _run(self, shares: dict[str, float], start_s: float) -> Try:
         config = self._config
@@ -235,5 +235,5 @@ def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -
                 duration_s=config.stretch_s, map=drives.map,
             )
         )  # fmt: skip
-    found = [path for pattern in ("*.bag", "preview.mp4") for path in sorted(folder.rglob(pattern))]
-    return [*written, *found]
+    drive_files = [path for pattern in ("*.bag", "preview.mp4") for path in sorted(folder.rglob(pattern))]
+    return [*written, *drive_files]

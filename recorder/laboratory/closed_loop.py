@@ -215,8 +215,8 @@ def drive(
 def half_lanes_m(network: LaneNetwork, route: Route) -> Array:
     """Half the width of the lane at each sample of a route [m], (K,)."""
     nearest = network.nearest(route.position_m)
-    found: Array = 0.5 * network.width_m(nearest.lane, nearest.station_m)
-    return found
+    half_m: Array = 0.5 * network.width_m(nearest.lane, nearest.station_m)
+    return half_m
 
 
 def _ape_m(T_true: Array, T_believed: Array) -> float:

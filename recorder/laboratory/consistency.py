@@ -73,8 +73,8 @@ class MethodConsistency:
         rows = _PARTS[part]
         if errors.covariance is None:
             return None
-        found = consistency_of(errors.error[..., rows], errors.covariance[..., rows, rows])
-        return found if np.isfinite(found.anees).any() else None
+        consistency = consistency_of(errors.error[..., rows], errors.covariance[..., rows, rows])
+        return consistency if np.isfinite(consistency.anees).any() else None
 
     def rows(self) -> list[dict[str, Any]]:
         """A row of plain values for each kind of errors."""
@@ -92,19 +92,19 @@ class MethodConsistency:
             **{f"shared_{axis}": float(value) for axis, value in zip(AXES, shared, strict=True)},
         }
         for part in _PARTS:
-            found = self.compared(errors, part)
-            if found is not None:
-                row |= {f"{part}_{name}": value for name, value in _figures(found).items()}
+            consistency = self.compared(errors, part)
+            if consistency is not None:
+                row |= {f"{part}_{name}": value for name, value in _figures(consistency).items()}
         whole = self.compared(errors, "pose")
         if whole is not None:
             row |= {f"factor_{axis}": float(v) for axis, v in zip(AXES, whole.axis_scale, strict=True)}
         return row
 
 
-def _figures(found: Consistency) -> dict[str, float]:
-    figures = {"anees": float(np.nanmean(found.anees)), "within": found.within}
-    intervals = {"factor": found.scale, "noise_factor": found.noise_scale}
-    intervals |= {f"coverage_{100 * level:g}": interval for level, interval in found.coverage.items()}
+def _figures(consistency: Consistency) -> dict[str, float]:
+    figures = {"anees": float(np.nanmean(consistency.anees)), "within": consistency.within}
+    intervals = {"factor": consistency.scale, "noise_factor": consistency.noise_scale}
+    intervals |= {f"coverage_{100 * level:g}": interval for level, interval in consistency.coverage.items()}
     for name, interval in intervals.items():
         figures |= {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
     return figures
@@ -145,7 +145,7 @@ def run_consistency(config: ConsistencyConfig, progress: Progress = lambda *_: N
         data=config.drive, out=config.out, methods=config.methods, clouds=(RAW,), workers=config.workers
     )
     result = run_benchmark(asked, progress)
-    found = []
+    methods = []
     for title in dict.fromkeys(job.title for job in result.jobs):
         jobs = [job for job in result.jobs if job.title == title]
         ended = [job for job, score in zip(result.jobs, result.scores, strict=True)
@@ -156,8 +156,8 @@ def run_consistency(config: ConsistencyConfig, progress: Progress = lambda *_: N
         runs = [read_run(config.out / job.folder / ESTIMATE, title) for job in ended]
         truth, T_base_frame = _truth_of(ended[0])
         errors = pose_errors(truth, runs, over_m=config.over_m, T_base_frame=T_base_frame)
-        found.append(MethodConsistency(title=title, failed=len(jobs) - len(ended), errors=errors))
-    return ConsistencyResult(methods=tuple(found), failures=tuple(result.failures))
+        methods.append(MethodConsistency(title=title, failed=len(jobs) - len(ended), errors=errors))
+    return ConsistencyResult(methods=tuple(methods), failures=tuple(result.failures))
 
 
 def compare_files(
@@ -226,16 +226,16 @@ def plot_consistency(result: ConsistencyResult, path: Path, *, overwrite: bool =
 
 def _nees(axes: Any, method: MethodConsistency, errors: PoseErrors) -> None:
     axes.set(title=f"{method.title}: NEES of {len(errors.error)} runs", xlabel="distance [m]", ylabel="NEES")
-    found = method.compared(errors, "pose")
-    if found is None:
+    consistency = method.compared(errors, "pose")
+    if consistency is None:
         axes.text(0.5, 0.5, "states no covariance", ha="center", transform=axes.transAxes, color="grey")
         axes.set(xticks=[], yticks=[])
         return
     way = errors.distance_m
-    axes.plot(way, found.nees.T, color="grey", lw=0.4, alpha=0.4)
+    axes.plot(way, consistency.nees.T, color="grey", lw=0.4, alpha=0.4)
     axes.plot([], [], color="grey", lw=0.8, label="each run")
-    axes.plot(way, found.anees, color=_TRUE, lw=1.8, label="mean of runs (ANEES)")
-    axes.axhspan(*found.bounds, color=COLOURS[2], alpha=0.35, label="95 % of honest ANEES")
+    axes.plot(way, consistency.anees, color=_TRUE, lw=1.8, label="mean of runs (ANEES)")
+    axes.axhspan(*consistency.bounds, color=COLOURS[2], alpha=0.35, label="95 % of honest ANEES")
     axes.set_yscale("log")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="best")

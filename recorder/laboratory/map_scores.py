@@ -94,14 +94,14 @@ def measure(points_m: Array, nearest: tuple[Array, U8], surface: SurfaceCloud, v
     )
 
 
-def score_map(found: Distances, distances_m: Sequence[float]) -> tuple[MapScore, ...]:
+def score_map(distances: Distances, distances_m: Sequence[float]) -> tuple[MapScore, ...]:
     """Scores of the whole, of both parts, and of every class in each of them.
 
     Precision, recall and F-score are those of Knapitsch et al., "Tanks and Temples", ACM TOG 36 (2017),
     equations 4 to 8.
 
     Args:
-        found: Distances between map and surfaces.
+        distances: Distances between map and surfaces.
         distances_m: Distances d [m].
 
     Raises:
@@ -110,20 +110,21 @@ def score_map(found: Distances, distances_m: Sequence[float]) -> tuple[MapScore,
     if not distances_m or not all(d > 0 for d in distances_m):
         raise ConfigError("scores need distances above 0 m")
     rows = []
-    everything = (np.ones(len(found.map_m), np.bool_), np.ones(len(found.surface_m), np.bool_))
+    everything = (np.ones(len(distances.map_m), np.bool_), np.ones(len(distances.surface_m), np.bool_))
     parts = {
         ALL: everything,
-        VISIBLE: (found.map_visible, found.surface_visible),
-        HIDDEN: (~found.map_visible, ~found.surface_visible),
+        VISIBLE: (distances.map_visible, distances.surface_visible),
+        HIDDEN: (~distances.map_visible, ~distances.surface_visible),
     }
     for part, (of_map, of_surface) in parts.items():
-        for tag in (None, *np.unique(found.surface_tag).tolist()):
-            built = of_map if tag is None else of_map & (found.map_tag == tag)
-            true = of_surface if tag is None else of_surface & (found.surface_tag == tag)
+        for tag in (None, *np.unique(distances.surface_tag).tolist()):
+            built = of_map if tag is None else of_map & (distances.map_tag == tag)
+            true = of_surface if tag is None else of_surface & (distances.surface_tag == tag)
             if built.any() or true.any():
                 name = ALL if tag is None else Tag(tag).name.lower()
                 rows += [
-                    _score(part, name, d, found.map_m[built], found.surface_m[true]) for d in distances_m
+                    _score(part, name, d, distances.map_m[built], distances.surface_m[true])
+                    for d in distances_m
                 ]
     return tuple(rows)
 
@@ -186,7 +187,7 @@ def find_ghosts(
     low, high = points.min(axis=0), points.max(axis=0)
     size_m = timeline.catalog.size_m.astype(np.float64)
     around = 0.5 * np.sqrt(np.sum(size_m**2, axis=1)) + 2.0 * rule.margin_m
-    found = np.zeros(len(far), np.bool_)
+    covered = np.zeros(len(far), np.bool_)
     before: NDArray[np.float64] | None = None
     first, last = (min(max(ns, timeline.start_ns), timeline.end_ns) for ns in span_ns)
     for stamp in np.unique([*range(first, last, STEP_NS), last]).tolist():
@@ -205,8 +206,8 @@ def find_ghosts(
         lists = tree.query_ball_point(centre[actors], around[actors])
         actor = np.repeat(actors, [len(rows) for rows in lists])
         point = np.concatenate([np.asarray(rows, np.intp) for rows in lists])
-        found[point[_in_boxes(points[point], pose[actor], size_m[actor], rule.margin_m)]] = True
-    ghost[far[found]] = True
+        covered[point[_in_boxes(points[point], pose[actor], size_m[actor], rule.margin_m)]] = True
+    ghost[far[covered]] = True
     return ghost
 
 

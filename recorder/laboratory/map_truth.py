@@ -158,13 +158,13 @@ class MapJudge:
             points_m = transform.scale * (points_m @ transform.R.T) + transform.t
         points_m = thinned(points_m[self._region.contains(points_m)], config.voxel_m)
         nearest = self._truth.nearest(points_m)
-        found: Distances = measure(points_m, nearest, self.surface, self.visible)
+        distances: Distances = measure(points_m, nearest, self.surface, self.visible)
         return MapResult(
             name=name,
-            scores=score_map(found, config.distances_m),
+            scores=score_map(distances, config.distances_m),
             points_m=points_m,
-            distance_m=found.map_m,
-            ghost=find_ghosts(points_m, found.map_m, self._timeline, self._span_ns, config.ghosts),
+            distance_m=distances.map_m,
+            ghost=find_ghosts(points_m, distances.map_m, self._timeline, self._span_ns, config.ghosts),
         )
 
 

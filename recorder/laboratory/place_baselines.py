@@ -46,12 +46,12 @@ class Vlad:
 
     def __init__(self, images: Sequence[U8], *, seed: int = 0) -> None:
         self._sift = cv2.SIFT_create(FEATURES)
-        found = np.concatenate([self._features(image) for image in images])
-        if len(found) < WORDS:
-            raise EvaluationError(f"{len(found)} features in all reference images; give {WORDS} or more")
-        draw = stream(seed, "places/vocabulary").permutation(len(found))
-        start = found[draw[:WORDS]]
-        self._words = kmeans2(found[draw[:TRAINED]], start, iter=20, minit="matrix", missing="warn")[0]
+        features = np.concatenate([self._features(image) for image in images])
+        if len(features) < WORDS:
+            raise EvaluationError(f"{len(features)} features in all reference images; give {WORDS} or more")
+        draw = stream(seed, "places/vocabulary").permutation(len(features))
+        start = features[draw[:WORDS]]
+        self._words = kmeans2(features[draw[:TRAINED]], start, iter=20, minit="matrix", missing="warn")[0]
 
     def describe(self, image: U8) -> Array:
         """Descriptor of length 1, zeros for an image without features, shape (WORDS · 128,)."""
@@ -64,10 +64,12 @@ class Vlad:
         return np.asarray(sums.ravel() / max(float(np.linalg.norm(sums)), 1e-12))
 
     def _features(self, image: U8) -> Array:
-        found = self._sift.detectAndCompute(image, None)[1]
-        if found is None:
+        descriptors = self._sift.detectAndCompute(image, None)[1]
+        if descriptors is None:
             return np.zeros((0, 128))
-        return np.asarray(np.sqrt(found / np.maximum(found.sum(axis=1, keepdims=True), 1e-12)), np.float64)
+        return np.asarray(
+            np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-12)), np.float64
+        )
 
 
 def local_maps(clouds: Sequence[Array], frames: Frames) -> list[Array]:
@@ -121,9 +123,9 @@ def closure_similarity(reference: Sequence[Array], query: Sequence[Array]) -> Ar
         closures.get_closures(number, points)
     similarity = np.full((len(query), len(reference)), -np.inf)
     for number, points in enumerate(query):
-        for found in closures.get_closures(len(reference) + _APART + number, points):
-            if found.source_id < len(reference):
-                similarity[number, found.source_id] = found.number_of_inliers
+        for closure in closures.get_closures(len(reference) + _APART + number, points):
+            if closure.source_id < len(reference):
+                similarity[number, closure.source_id] = closure.number_of_inliers
     return similarity
 
 
@@ -220,16 +222,16 @@ def read_similarity(path: Path, queries: int, references: int) -> Array:
         opened = np.load(path, allow_pickle=False)
         if isinstance(opened, np.ndarray):
             opened = {"reference": opened[:references], "query": opened[references:]}
-        found = {name: np.asarray(rows, np.float64) for name, rows in opened.items()}
+        arrays = {name: np.asarray(rows, np.float64) for name, rows in opened.items()}
     except (OSError, ValueError) as error:
         raise EvaluationError(f"{path} cannot be read ({error}); give an .npy or .npz of NumPy") from error
-    if "similarity" in found:
-        return found["similarity"]
-    if not {"reference", "query"} <= set(found):
-        raise EvaluationError(f"{path} has {', '.join(found) or 'nothing'}; give 'reference' and 'query'")
+    if "similarity" in arrays:
+        return arrays["similarity"]
+    if not {"reference", "query"} <= set(arrays):
+        raise EvaluationError(f"{path} has {', '.join(arrays) or 'nothing'}; give 'reference' and 'query'")
     for name, wanted in (("reference", references), ("query", queries)):
-        if found[name].ndim != 2 or len(found[name]) != wanted:
+        if arrays[name].ndim != 2 or len(arrays[name]) != wanted:
             raise EvaluationError(
-                f"{path}: '{name}' is {found[name].shape}; give a row for each of {wanted} frames"
+                f"{path}: '{name}' is {arrays[name].shape}; give a row for each of {wanted} frames"
             )
-    return similarity_of(found["reference"], found["query"])
+    return similarity_of(arrays["reference"], arrays["query"])

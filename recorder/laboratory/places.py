@@ -159,9 +159,9 @@ class PlaceDrive:
         sensors = LevelSensors(replace(recipe, seed=recipe.seed + seed_offset), level, truth=False)
         try:
             for stamp in self.frames.stamp_ns.tolist():
-                found = sensors.measure((stamp, stamp + STEP_NS))
+                step_samples = sensors.measure((stamp, stamp + STEP_NS))
                 yield [
-                    next(measured.sample for measured in found if measured.weather in (None, number))
+                    next(measured.sample for measured in step_samples if measured.weather in (None, number))
                     for number in range(len(recipe.conditions))
                 ]
                 report()
@@ -184,54 +184,61 @@ def compare_places(
     """
     if "map_closures" in config.methods:
         check_map_closures()
-    known = PlaceDrive(config, config.reference, (config.weather,), 0.0)
-    asking = PlaceDrive(
+    reference_drive = PlaceDrive(config, config.reference, (config.weather,), 0.0)
+    query_drive = PlaceDrive(
         config, config.query or config.reference, config.query_weathers, config.query_offset_m
     )
-    episodes = [Episode.load(drive.plan.config.episode) for drive in (known, asking)]
+    episodes = [Episode.load(drive.plan.config.episode) for drive in (reference_drive, query_drive)]
     if episodes[0].header.town_hash != episodes[1].header.town_hash:
         raise EpisodeError(
             f"{config.query} was driven in another town than {config.reference}; give one of it"
         )
-    shape = len(asking.frames), len(known.frames)
-    found = {(path.stem, "all"): read_similarity(path, *shape) for path in config.descriptors}
+    shape = len(query_drive.frames), len(reference_drive.frames)
+    similarities = {(path.stem, "all"): read_similarity(path, *shape) for path in config.descriptors}
     stage = SensorStage(town_of(episodes[0], config.map), seed=0, weather=weather_of(config.weather))
     pairs = find_pairs(
-        stage.rays(), field_of(known.sensor), asking.frames, known.frames,
+        stage.rays(), field_of(reference_drive.sensor), query_drive.frames, reference_drive.frames,
         within_m=config.within_m, count=config.rays,
         report=lambda done, total: report(done, total * (1.5 if config.methods else 1.0), "overlap"),
     )  # fmt: skip
     stage.close()
     files = [
-        known.frames.write(config.out / "reference.csv"),
-        asking.frames.write(config.out / "query.csv"),
+        reference_drive.frames.write(config.out / "reference.csv"),
+        query_drive.frames.write(config.out / "query.csv"),
         pairs.write(config.out / "pairs.csv"),
     ]
     for method in config.methods:
-        of_weathers = _run_baseline(method, known, asking, report)
+        of_weathers = _run_baseline(method, reference_drive, query_drive, report)
         for weather, arrays in zip(config.query_weathers, of_weathers, strict=True):
             files.append(_save_arrays(config.out / f"{method}_{Path(weather).stem}.npz", arrays))
             likeness = arrays.get("similarity")
             if likeness is None:
                 likeness = similarity_of(arrays["reference"], arrays["query"])
-            found[method, Path(weather).stem] = likeness
+            similarities[method, Path(weather).stem] = likeness
     overlap = pairs.matrix(*shape)
     scores = {
         key: score_places(likeness, overlap, least=config.least_overlap, at=AT)
-        for key, likeness in found.items()
+        for key, likeness in similarities.items()
     }
     if scores:
         files += [_write_scores(config, scores), _write_curves(config, scores)]
     return PlacesResult(
-        reference=known.frames, query=asking.frames, pairs=pairs, scores=scores, files=tuple(files)
+        reference=reference_drive.frames,
+        query=query_drive.frames,
+        pairs=pairs,
+        scores=scores,
+        files=tuple(files),
     )
 
 
 def _run_baseline(
-    method: str, known: PlaceDrive, asking: PlaceDrive, report: Callable[[float, float, str], None]
+    method: str,
+    reference_drive: PlaceDrive,
+    query_drive: PlaceDrive,
+    report: Callable[[float, float, str], None],
 ) -> list[dict[str, Array]]:
     """What a baseline finds, a set of arrays for each weather of the queries."""
-    count = len(known.frames) + len(asking.frames)
+    count = len(reference_drive.frames) + len(query_drive.frames)
     done = 2 * count  # overlap takes two steps a frame
 
     def step() -> None:
@@ -240,17 +247,17 @@ def _run_baseline(
         report(done, 3 * count, method)
 
     # Other noise than the reference's, or twins of a LiDAR that sees no weather would be copies.
-    first, then = known.samples(0, step), asking.samples(1, step)
+    first, then = reference_drive.samples(0, step), query_drive.samples(1, step)
     if method == "sift_vlad":
         images = [_grey(row[0]) for row in first]
         vlad = Vlad(images)
         reference = np.array([vlad.describe(image) for image in images])
         rows = [[vlad.describe(_grey(sample)) for sample in row] for row in then]
         return [{"reference": reference, "query": np.array(of_one)} for of_one in zip(*rows, strict=True)]
-    maps = local_maps([_points(row[0]) for row in first], known.frames)
+    maps = local_maps([_points(row[0]) for row in first], reference_drive.frames)
     clouds = [[_points(sample) for sample in row] for row in then]
     return [
-        {"similarity": closure_similarity(maps, local_maps(of_one, asking.frames))}
+        {"similarity": closure_similarity(maps, local_maps(of_one, query_drive.frames))}
         for of_one in zip(*clouds, strict=True)
     ]
 
@@ -283,16 +290,16 @@ def _write_scores(config: PlacesConfig, scores: Mapping[tuple[str, str], PlaceSc
     names += [f"recall_at_{n}" for n in AT] + ["average_precision", "recall_at_full_precision"]
     drives = config.reference.stem, (config.query or config.reference).stem
     rows: list[list[object]] = []
-    for (method, weather), found in scores.items():
-        shares = (*found.recall.values(), found.average_precision, found.recall_at_full_precision)
-        facts = [Path(config.weather).stem, weather, found.queries, config.least_overlap]
+    for (method, weather), score in scores.items():
+        shares = (*score.recall.values(), score.average_precision, score.recall_at_full_precision)
+        facts = [Path(config.weather).stem, weather, score.queries, config.least_overlap]
         rows.append([method, *drives, *facts, *(f"{share:.4f}" for share in shares)])
     return write_csv(config.out / "scores.csv", names, rows)
 
 
 def _write_curves(config: PlacesConfig, scores: Mapping[tuple[str, str], PlaceScore]) -> Path:
     rows: list[list[object]] = []
-    for key, found in scores.items():
-        rows += [[*key, *(f"{share:.4f}" for share in point)] for point in found.curve.tolist()]
+    for key, score in scores.items():
+        rows += [[*key, *(f"{share:.4f}" for share in point)] for point in score.curve.tolist()]
     names = ["method", "query_weather", "recall", "precision"]
     return write_csv(config.out / "precision_recall.csv", names, rows)

@@ -83,12 +83,12 @@ def pose_errors(
         since_start = _between(T_true, T, covariance, np.zeros_like(later), later)
     else:
         since_start = log_se3(invert(T_true[later]) @ T[:, later]), covariance
-    found = [PoseErrors("since the start", travelled[later], *since_start)]
+    kinds = [PoseErrors("since the start", travelled[later], *since_start)]
     begins, ends = distance_pairs(travelled, over_m)
     if len(begins):
         over = _between(T_true, T, covariance, begins, ends)
-        found.append(PoseErrors(f"over {over_m:g} m", travelled[ends], *over))
-    return tuple(found)
+        kinds.append(PoseErrors(f"over {over_m:g} m", travelled[ends], *over))
+    return tuple(kinds)
 
 
 def distance_pairs(travelled_m: Array, over_m: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -124,5 +124,5 @@ def _some(trajectory: Trajectory, stamp_ns: NDArray[np.int64]) -> Trajectory:
 
 def _rows(run: Run, stamp_ns: NDArray[np.int64]) -> Array:
     assert run.covariance is not None
-    found: Array = run.covariance[np.searchsorted(run.estimate.stamp_ns, stamp_ns)]
-    return found
+    covariance: Array = run.covariance[np.searchsorted(run.estimate.stamp_ns, stamp_ns)]
+    return covariance

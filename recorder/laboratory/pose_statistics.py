@@ -50,23 +50,23 @@ def consistency_of(errors: Array, covariances: Array) -> Consistency:
     nees = np.sum(whitened**2, axis=-1)
     anees = nees.mean(axis=0)
     bounds = anees_bounds(runs, dimensions)
-    known = np.isfinite(anees)
+    finite = np.isfinite(anees)
     scatter = np.full(runs, np.nan)
     if runs > 1:
         apart = _whitened(errors - errors.mean(axis=0), covariances)
         # The mean is the runs' own: it takes a degree of freedom.
-        scatter = np.sum(apart**2, axis=-1)[:, known].mean(axis=1) * runs / (runs - 1)
-    variances = np.diagonal(covariances, axis1=-2, axis2=-1)[:, known]
-    inside = {level: np.asarray(nees[:, known] <= chi2.ppf(level, dimensions)) for level in LEVELS}
+        scatter = np.sum(apart**2, axis=-1)[:, finite].mean(axis=1) * runs / (runs - 1)
+    variances = np.diagonal(covariances, axis1=-2, axis2=-1)[:, finite]
+    inside = {level: np.asarray(nees[:, finite] <= chi2.ppf(level, dimensions)) for level in LEVELS}
     return Consistency(
         nees=nees,
         anees=anees,
         bounds=bounds,
-        within=float(np.mean((anees[known] >= bounds[0]) & (anees[known] <= bounds[1]))),
-        scale=mean_interval(nees[:, known].mean(axis=1) / dimensions),
+        within=float(np.mean((anees[finite] >= bounds[0]) & (anees[finite] <= bounds[1]))),
+        scale=mean_interval(nees[:, finite].mean(axis=1) / dimensions),
         noise_scale=mean_interval(scatter / dimensions),
-        axis_scale=np.mean(errors[:, known] ** 2 / variances, axis=(0, 1)),
-        coverage={level: wilson(float(found.mean()), runs) for level, found in inside.items()},
+        axis_scale=np.mean(errors[:, finite] ** 2 / variances, axis=(0, 1)),
+        coverage={level: wilson(float(is_inside.mean()), runs) for level, is_inside in inside.items()},
     )
 
 
@@ -82,5 +82,5 @@ def _whitened(errors: Array, covariances: Array) -> Array:
     # Against rounding: what a difference of covariances has left is no variance.
     whole = values[..., 0] > 1e-12 * values[..., -1]
     root = np.sqrt(np.where(whole[..., None], values, np.nan))
-    found: Array = np.einsum("spij,spi->spj", vectors, errors) / root
-    return found
+    whitened: Array = np.einsum("spij,spi->spj", vectors, errors) / root
+    return whitened

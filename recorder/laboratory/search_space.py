@@ -66,12 +66,14 @@ def ranges_of(kinds: tuple[str, ...], *, weather: bool) -> tuple[Range, ...]:
     """
     air = (Range(name="fog_visibility_m", neutral=2000.0, worst=20.0, is_log=True),
            Range(name="rain_mmph", neutral=0.0, worst=50.0))  # fmt: skip
-    found = [*(air if weather else ()), Range(name=TRAFFIC, neutral=0.0, worst=1.0)]
+    ranges = [*(air if weather else ()), Range(name=TRAFFIC, neutral=0.0, worst=1.0)]
     for kind in kinds:
-        for name, known in quantities(KINDS[kind]).items():
-            if math.isfinite(known.worst) and math.isfinite(known.neutral):
-                found.append(Range(name=f"{FAULT}{kind}.{name}", neutral=known.neutral, worst=known.worst))
-    return tuple(found)
+        for name, quantity in quantities(KINDS[kind]).items():
+            if math.isfinite(quantity.worst) and math.isfinite(quantity.neutral):
+                ranges.append(
+                    Range(name=f"{FAULT}{kind}.{name}", neutral=quantity.neutral, worst=quantity.worst)
+                )
+    return tuple(ranges)
 
 
 def distance(shares: Mapping[str, float]) -> float:

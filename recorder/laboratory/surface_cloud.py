@@ -166,15 +166,15 @@ def write_mesh(mesh: Mesh, path: Path) -> Path:
         values.astype(np.float64)[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
         for values in (mesh.vertices_m, mesh.normals)
     )
-    found = o3d.geometry.TriangleMesh(
+    open3d_mesh = o3d.geometry.TriangleMesh(
         vector(corners), o3d.utility.Vector3iVector(mesh.triangles.astype(np.int32))
     )
-    found.vertex_normals = vector(normals)
-    found.vertex_colors = vector(colours / 255.0)
+    open3d_mesh.vertex_normals = vector(normals)
+    open3d_mesh.vertex_colors = vector(colours / 255.0)
     # Open3D looks at the end of names alone, cuts files on a full disk, and reports success.
     with atomic_write(path) as part, TemporaryDirectory(dir=part.parent, prefix=".") as folder:
         named = Path(folder, "mesh.gltf")
-        o3d.io.write_triangle_mesh(str(named), found)
+        o3d.io.write_triangle_mesh(str(named), open3d_mesh)
         with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
             count = len(o3d.io.read_triangle_mesh(str(named)).triangles)
         if count != len(mesh.triangles):

@@ -67,9 +67,9 @@ class Setting:
             path = name.removeprefix(FAULT)
             fault_quantity(path)
             target, _, key = path.rpartition(".")
-            known = self.faults.to_mapping()
-            known[target] = {**known.get(target, {}), key: value}
-            return replace(self, faults=Faults.from_mapping(known))
+            faults = self.faults.to_mapping()
+            faults[target] = {**faults.get(target, {}), key: value}
+            return replace(self, faults=Faults.from_mapping(faults))
         if name not in weather_quantities():
             names = (TRAFFIC, *weather_quantities(), "fault.lidar.time_offset_ms")
             raise ConfigError(unknown_name("quantity to sweep", name, names))
@@ -180,17 +180,17 @@ def points_of(config: SweepConfig) -> list[Point]:
     """All points, axis by axis."""
     axes = [[(axis.name, value) for value in axis.values] for axis in config.axes]
     places = list(product(*axes)) if config.is_product else [(place,) for axis in axes for place in axis]
-    found = []
+    points = []
     for place in places:
         setting = config.base
         for name, value in place:
             setting = setting.changed(name, value)
-        found += [
+        points += [
             Point(values=place, setting=setting, drive=drive, number=number)
             for drive in config.drives.episodes
             for number in range(config.seeds)
         ]
-    return found
+    return points
 
 
 @dataclass(slots=True)
@@ -237,8 +237,8 @@ def sequences_of_points(
         group = groups.setdefault(out, _Group(episode, out, seed, setting))
         group.settings[setting] = None
         keys.append((out, setting))
-    found = {out: _described(config, group) for out, group in groups.items()}
-    return [found[out][setting] for out, setting in keys]
+    described = {out: _described(config, group) for out, group in groups.items()}
+    return [described[out][setting] for out, setting in keys]
 
 
 def _episode(config: SweepConfig, point: Point, seed: int, report: Callable[[str], None]) -> Path:

@@ -70,8 +70,8 @@ def areas_of(curves: pd.DataFrame, axes: Sequence[Axis]) -> pd.DataFrame:
 
 def _area(x: np.ndarray, y: np.ndarray) -> float:
     """Mean of a curve of straight lines over its abscissae."""
-    known = np.isfinite(y)
-    x, y = x[known], y[known]
+    finite = np.isfinite(y)
+    x, y = x[finite], y[finite]
     if len(x) < 2:
         return float(y[0]) if len(x) else math.nan
     return float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)) / (x[-1] - x[0]))

@@ -61,9 +61,9 @@ def run_sweep(
     rows = []
     for point, sequence in zip(points, sequences, strict=True):
         for title, run in titles:
-            found = scores.get((sequence.path, title, run)) or scores.get((*_alike(sequence), title, run))
-            if found is not None:
-                rows.append(row_of(point, found[1], title))
+            scored = scores.get((sequence.path, title, run)) or scores.get((*_alike(sequence), title, run))
+            if scored is not None:
+                rows.append(row_of(point, scored[1], title))
     return SweepResult(
         config=config,
         runs=pd.DataFrame(rows),

@@ -164,9 +164,9 @@ class TrueMap:
             points_m: Points, world, shape (N, 3).
         """
         query = (points_m - self._middle_m).astype(np.float32)
-        found = self._scene.compute_closest_points(self._tensor(query))
-        away = found["points"].numpy().astype(np.float64) - query
-        tag: U8 = self.mesh.tag[self.mesh.triangles[found["primitive_ids"].numpy(), 0]]
+        closest = self._scene.compute_closest_points(self._tensor(query))
+        away = closest["points"].numpy().astype(np.float64) - query
+        tag: U8 = self.mesh.tag[self.mesh.triangles[closest["primitive_ids"].numpy(), 0]]
         return np.sqrt(np.sum(away**2, axis=1)), tag
 
     def _tensor(self, values: NDArray[np.generic]) -> object:

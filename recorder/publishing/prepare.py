@@ -128,8 +128,8 @@ def _link(source: Path, target: Path) -> None:
 
 def _origin(manifest: DatasetManifest) -> str:
     episodes = {town: drive["episode"] for town, drive in manifest.drives.items()}
-    found = [f"{town}: episode {e['sha256'][:16]}, seed {e['seed']}" for town, e in episodes.items()]
-    return "; ".join(found)
+    origins = [f"{town}: episode {e['sha256'][:16]}, seed {e['seed']}" for town, e in episodes.items()]
+    return "; ".join(origins)
 
 
 def _description(manifest: DatasetManifest, sequences: int) -> str:

@@ -46,19 +46,19 @@ def conditions(dataset: Path, sha256: Mapping[str, str]) -> pd.DataFrame:
 
     rows = []
     for folder in sequences_below(dataset):
-        found = SequenceDescription.read(folder)
+        description = SequenceDescription.read(folder)
         name = f"{folder.path.parent.name}/{folder.name}"
         rows.append(
             {
                 "sequence": name,
                 "town": folder.path.parent.name,
-                "weather": found.weather["name"],
-                "traffic": found.traffic["name"],
-                "traffic_fraction": float(found.traffic["fraction"]),
-                "rig": found.rig,
-                "samples": sum(found.samples.values()),
-                "samples_by_stream": json.dumps(found.samples),
-                "weather_parameters": json.dumps(found.weather),
+                "weather": description.weather["name"],
+                "traffic": description.traffic["name"],
+                "traffic_fraction": float(description.traffic["fraction"]),
+                "rig": description.rig,
+                "samples": sum(description.samples.values()),
+                "samples_by_stream": json.dumps(description.samples),
+                "weather_parameters": json.dumps(description.weather),
                 "size_bytes": sum(p.stat().st_size for p in folder.path.rglob("*") if p.is_file()),
                 "sha256": sha256[f"{name}/{SEQUENCE}"],
             }

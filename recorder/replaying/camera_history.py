@@ -17,14 +17,14 @@ def first_pictures_ns(
         camera_ns: When cameras take pictures, end not included [ns].
         span_ns: The stretch, end not included [ns].
     """
-    found = {}
+    first_ns = {}
     begin_ns, end_ns = max(camera_ns[0], span_ns[0]), min(camera_ns[1], span_ns[1])
     for config in rig.sensors:
         if isinstance(config, CameraConfig):
             ticks = Schedule.from_hz(config.rate_hz).ticks_in(-(-begin_ns // TICK_NS), -(-end_ns // TICK_NS))
             if ticks:
-                found[config] = stamp_ns(ticks[0])
-    return found
+                first_ns[config] = stamp_ns(ticks[0])
+    return first_ns
 
 
 def past_ns(rig: SensorRig, camera_ns: tuple[int, int], span_ns: tuple[int, int]) -> tuple[int, int]:

@@ -48,11 +48,11 @@ class ConditionFile:
             raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
         if isinstance(document, dict) and "traffic" in document:
             document["traffic"] = str(document["traffic"])
-        found = from_mapping(cls, document, path.name)
-        weather_of(found.weather)
-        traffic_level(found.traffic)
-        Faults.from_mapping(found.faults, f"{path.name}: faults")
-        return found
+        condition = from_mapping(cls, document, path.name)
+        weather_of(condition.weather)
+        traffic_level(condition.traffic)
+        Faults.from_mapping(condition.faults, f"{path.name}: faults")
+        return condition
 
     @property
     def fault_words(self) -> list[str]:

@@ -102,10 +102,10 @@ class LevelSensors:
 
     def measure(self, window_ns: tuple[int, int]) -> list[Measured]:
         """Samples with stamps in a window [ns], begin included, in their order."""
-        found = [sample for versions in self._of_sensors(window_ns) for sample in self._faulty(*versions)]
+        samples = [sample for versions in self._of_sensors(window_ns) for sample in self._faulty(*versions)]
         if self._has_truth:
-            found += self._truth(window_ns)
-        return sorted(found, key=lambda measured: measured.order)
+            samples += self._truth(window_ns)
+        return sorted(samples, key=lambda measured: measured.order)
 
     def reseed(self, seed: int) -> None:
         """Measure with the noise of another seed from now on."""
@@ -138,17 +138,17 @@ class LevelSensors:
         """A sample as the faults of all conditions leave it, once where it is the same in all of them."""
         config = self.recipe.rig.sensors[order[1]]
         made: dict[object, Sample | None] = {}
-        found: list[Sample | None] = []
+        samples: list[Sample | None] = []
         for weather, faults in zip(self._weather_of, self._faults, strict=True):
             key = (weather if len(versions) > 1 else 0, faults.of(config))
             if key not in made:
                 made[key] = faults.apply(versions[key[0]], config, self._stage.seed)
-            found.append(made[key])
+            samples.append(made[key])
         if len(made) == 1:
-            if found[0] is not None:
-                yield Measured(order, None, found[0])
+            if samples[0] is not None:
+                yield Measured(order, None, samples[0])
             return
-        yield from (Measured(order, k, sample) for k, sample in enumerate(found) if sample is not None)
+        yield from (Measured(order, k, sample) for k, sample in enumerate(samples) if sample is not None)
 
     def _truth(self, window_ns: tuple[int, int]) -> Iterator[Measured]:
         first, end = window_ns

@@ -153,13 +153,13 @@ def _twins(recipe: Recipe, condition: Condition | None) -> dict[str, str]:
     """Sequences that show the same views, by name: the one without traffic, and those of other weathers."""
     if condition is None:
         return {}
-    found = {}
+    twins = {}
     if condition.traffic.fraction > 0.0:
-        found[CLEAN_PLATE] = replace(condition, traffic=traffic_level("static")).name
+        twins[CLEAN_PLATE] = replace(condition, traffic=traffic_level("static")).name
     for other in recipe.conditions_of(condition.traffic):
         if other.weather_name != condition.weather_name:
-            found[other.weather_name] = other.name
-    return found
+            twins[other.weather_name] = other.name
+    return twins
 
 
 def _dsec(path: str, calibration: RigCalibration, streams: Streams) -> list[Output]:

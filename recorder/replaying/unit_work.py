@@ -180,8 +180,8 @@ def is_whole(folder: Path, names: Sequence[str]) -> bool:
 
 def read_summary(folder: Path) -> dict[str, Any]:
     """The summary of a unit."""
-    found: dict[str, Any] = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    return found
+    summary: dict[str, Any] = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    return summary
 
 
 def assemble(job: AssemblyJob, report: Report) -> None:

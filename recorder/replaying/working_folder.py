@@ -75,9 +75,9 @@ class WorkingFolder:
     def __enter__(self) -> WorkingFolder:
         try:
             self._lock = self._locked()
-            found = self._lock.read()
-            if found:
-                self._resume(found)
+            marker_text = self._lock.read()
+            if marker_text:
+                self._resume(marker_text)
             else:
                 self._lock.write(json.dumps(self._marks) + "\n")
                 self._lock.flush()
@@ -104,9 +104,9 @@ class WorkingFolder:
                 return marker
             marker.close()
 
-    def _resume(self, found: str) -> None:
+    def _resume(self, marker_text: str) -> None:
         """Resume the work of an earlier run, or refuse it."""
-        first, _, rest = found.partition("\n")
+        first, _, rest = marker_text.partition("\n")
         try:
             marks: dict[str, Any] = json.loads(first)
             theirs: dict[str, str] = marks["request"]

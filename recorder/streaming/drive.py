@@ -96,8 +96,8 @@ class DriveStream:
         plan = self.plan
         for condition in plan.recipe.conditions_of(self.condition.traffic):
             folder = plan.drive.sequence(condition.name)
-            known = SequenceDescription.read(folder).movers
-            _describe(plan, condition, folder.description, {**known, **shares})
+            movers = SequenceDescription.read(folder).movers
+            _describe(plan, condition, folder.description, {**movers, **shares})
         list_drive(plan.config.out, plan.town.name, plan.origin)
 
 

@@ -86,8 +86,8 @@ class Feed:
                 # A frame that several conditions share is a single object.
                 bytes_of = {id(frame): bytes(ForkingPickler.dumps(frame)) for frame in versions.values()}
                 packed = {key: bytes_of[id(frame)] for key, frame in versions.items()}
-                heard = [lane.put(packed) for lane in self._lanes]
-                if not any(heard):
+                has_listeners = [lane.put(packed) for lane in self._lanes]
+                if not any(has_listeners):
                     return {}
                 report(done_s)
             for lane in self._lanes:
@@ -100,16 +100,16 @@ class Feed:
     def _answer(self, request: str, key: Key) -> bytes:
         imu, faults = self._job.imu, self._job.faults_of(key)
         # Inertial samples are the same in conditions whose IMU has the same faults.
-        known = (request, key[1], faults if request == STAMPS or imu is None else faults.of(imu))
+        answer_key = (request, key[1], faults if request == STAMPS or imu is None else faults.of(imu))
         with self._lock:
-            if known not in self._answers:
-                found = (
+            if answer_key not in self._answers:
+                answer = (
                     frame_stamps_ns(self._job, self._timeline.end_ns, key)
                     if request == STAMPS
                     else inertial_samples(self._job, self._timeline, key)
                 )
-                self._answers[known] = bytes(ForkingPickler.dumps(found))
-            return self._answers[known]
+                self._answers[answer_key] = bytes(ForkingPickler.dumps(answer))
+            return self._answers[answer_key]
 
 
 class _Lane:
@@ -175,8 +175,8 @@ def main(job_file: str) -> int:
     except CarlaLocError as error:
         print(error, file=sys.stderr)  # noqa: T201
         return 1
-    found = {"movers": shares, "shared": feed.shared}
-    (job.out / SHARES).write_text(json.dumps(found), encoding="utf-8")
+    summary = {"movers": shares, "shared": feed.shared}
+    (job.out / SHARES).write_text(json.dumps(summary), encoding="utf-8")
     return 0
 
 

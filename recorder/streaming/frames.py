@@ -98,8 +98,8 @@ def frame_stamps_ns(job: FrameJob, end_ns: int, key: Key) -> NDArray[np.int64]:
     if is_lidar:
         true = [stamp for stamp in true if stamp + lidar_of(rig).sweep_ns <= end_ns]
     faults = job.faults_of(key)
-    found = zip(*(faults.stamps_ns(true, sensor, key[1]) for sensor in sensors), strict=True)
-    stamps = [pair[0] for pair in found if pair[0] is not None and len(set(pair)) == 1]
+    pairs = zip(*(faults.stamps_ns(true, sensor, key[1]) for sensor in sensors), strict=True)
+    stamps = [pair[0] for pair in pairs if pair[0] is not None and len(set(pair)) == 1]
     return DEFAULT_EPOCH_NS + np.array(stamps, np.int64)
 
 
@@ -180,25 +180,25 @@ class FrameMaker:
     def _frames(self, measured: list[Measured]) -> Iterator[tuple[int, int, Frame]]:
         """True stamp, condition and frame of all that was measured in a window and is not lost."""
         by_stamp: dict[int, list[Measured]] = {}
-        for found in measured:
+        for measurement in measured:
             # The share of movers is that of sound sensors, where some are.
-            if found.weather is None or not self._conditions[found.weather].faults:
-                self._counts.count(found.sample)
-            by_stamp.setdefault(found.order[0], []).append(found)
+            if measurement.weather is None or not self._conditions[measurement.weather].faults:
+                self._counts.count(measurement.sample)
+            by_stamp.setdefault(measurement.order[0], []).append(measurement)
         frame_of: Callable[[list[Measured]], Frame | None]
         frame_of = _scan if self._job.sensor == "lidar" else self._pair
         for stamp, group in by_stamp.items():
             made: dict[tuple[int, ...], Frame | None] = {}
             for number in range(len(self._conditions)):
-                mine = [found for found in group if found.weather in (None, number)]
-                key = tuple(id(found.sample) for found in mine)
+                mine = [measurement for measurement in group if measurement.weather in (None, number)]
+                key = tuple(id(measurement.sample) for measurement in mine)
                 if key not in made:
                     made[key] = frame_of(mine)
                 if (frame := made[key]) is not None:
                     yield stamp, number, frame
 
     def _pair(self, measured: list[Measured]) -> tuple[StereoPair, Masks | None] | None:
-        samples = {found.sample.sensor: found.sample for found in measured}
+        samples = {measurement.sample.sensor: measurement.sample for measurement in measured}
         left, right = (camera.name for camera in stereo_of(self._job.recipe.rig))
         images = [samples[f"rgb_{name}"] for name in (left, right) if f"rgb_{name}" in samples]
         if len(images) < 2 or images[0].stamp_ns != images[1].stamp_ns:
@@ -211,7 +211,7 @@ class FrameMaker:
 
 
 def _scan(measured: list[Measured]) -> Scan | None:
-    clouds = [found.sample for found in measured if isinstance(found.sample, PointCloud)]
+    clouds = [measurement.sample for measurement in measured if isinstance(measurement.sample, PointCloud)]
     return scan_of(clouds) if clouds else None
 
 

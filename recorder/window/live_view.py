@@ -97,10 +97,12 @@ class LiveView:
             return T_world_base @ _placed((1.75, 0.0, 1.45), pitch_rad=0.04)
         heading = math.atan2(T_world_base[1, 0], T_world_base[0, 0])
         # The chase camera swings after the car, as a following eye does.
-        known = heading if self._heading_rad is None else self._heading_rad
-        known += math.remainder(heading - known, 2.0 * math.pi) * (1.0 if view == "above" else _CHASE_TURN)
-        self._heading_rad = known
-        turn = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.0, known)), T_world_base[:3, 3])
+        camera_heading_rad = heading if self._heading_rad is None else self._heading_rad
+        camera_heading_rad += math.remainder(heading - camera_heading_rad, 2.0 * math.pi) * (
+            1.0 if view == "above" else _CHASE_TURN
+        )
+        self._heading_rad = camera_heading_rad
+        turn = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.0, camera_heading_rad)), T_world_base[:3, 3])
         if view == "chase":
             return turn @ _placed((-5.5, 0.0, 2.9), pitch_rad=0.14)
         return turn @ _placed((6.0, 0.0, 32.0), pitch_rad=math.pi / 2)

@@ -100,10 +100,10 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         arguments.map and len(arguments.estimates) > 1
     ):
         raise UsageError("--map CLOUD and --drive E.mcap go together, with the estimate of one system")
-    known = {alignment.name.lower(): alignment for alignment in Alignment}
-    if arguments.align not in known:
-        raise ConfigError(unknown_name("alignment", arguments.align, known))
-    alignment = known[arguments.align]
+    alignments = {alignment.name.lower(): alignment for alignment in Alignment}
+    if arguments.align not in alignments:
+        raise ConfigError(unknown_name("alignment", arguments.align, alignments))
+    alignment = alignments[arguments.align]
     truth = read_trajectory(
         arguments.truth, times=arguments.times, topic=arguments.truth_topic or arguments.topic,
         quaternion=arguments.truth_quaternion, time_unit=arguments.truth_time_unit,
@@ -132,8 +132,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         )  # fmt: skip
         T = arguments.estimate_to_truth
         if T == "auto":
-            found = score()
-            T = from_rotation(body_rotation(found.truth, found.estimate))
+            first_result = score()
+            T = from_rotation(body_rotation(first_result.truth, first_result.estimate))
         results.append(score(T_body_sensor=T))
         offsets_s.append(offset_ns / 1e9)
     plots: list[str] = []
@@ -167,18 +167,18 @@ def _judge_maps(
     stamps = result.truth.stamp_ns
     with Progress("visibility", unit="looks") as progress:
         judge = MapJudge(config, (int(stamps[0]), int(stamps[-1])), progress.update)
-    found = [judge.judge(points, transform_of_map(result), name=str(path)) for path, points in clouds]
+    judgements = [judge.judge(points, transform_of_map(result), name=str(path)) for path, points in clouds]
     pictures: list[str] = []
     if arguments.plot is not None:
         from recorder.report.map_plot import plot_map
 
-        for judged, (path, _) in zip(found, clouds, strict=True):
+        for judged, (path, _) in zip(judgements, clouds, strict=True):
             picture = arguments.plot / f"map_{path.stem}.png"
             title = f"{path.stem}: {judged.ghost_rate:.2%} of {len(judged.points_m):,} points are ghosts"
             points = (judged.points_m, judged.distance_m, judged.ghost)
             plot_map(*points, picture, title=title, overwrite=arguments.force)
             pictures.append(str(picture))
-    return [judged.to_mapping() for judged in found], pictures
+    return [judged.to_mapping() for judged in judgements], pictures
 
 
 def body_transform(text: str) -> list[list[float]] | str:
@@ -222,12 +222,12 @@ def show(result: dict[str, Any]) -> None:
             print(f"  note: {finding}")
     if any(row["roll_from_attitudes"] for row in result["results"]):
         print("  APE, rotation: on this nearly straight path, after the roll that fits the attitudes best")
-    for found in result["maps"]:
-        ghosts = f"{found['ghosts']:,} ghosts ({found['ghost_rate']:.2%})"
-        print(f"{found['map']}  {found['points']:,} points, {ghosts}")
+    for judged in result["maps"]:
+        ghosts = f"{judged['ghosts']:,} ghosts ({judged['ghost_rate']:.2%})"
+        print(f"{judged['map']}  {judged['points']:,} points, {ghosts}")
         heads = "accuracy [m]  completeness [m]  precision  recall  F-score"
         print(f"  {'part':<14} {'class':<14} {'d [m]':<6} {heads}")
-        for row in found["scores"]:
+        for row in judged["scores"]:
             print(
                 f"  {row['part']:<14} {row['tag']:<14} {row['distance_m']:<6g} {row['accuracy_m']:>12.3f}  "
                 f"{row['completeness_m']:>16.3f}  {row['precision']:>9.3f}  {row['recall']:>6.3f}  "

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         duration_s=arguments.duration, camera_start_s=arguments.camera_start,
         camera_duration_s=arguments.camera_duration,
     )  # fmt: skip
-    found: list[Any] = []
+    results: list[Any] = []
     replays = _of_noise_seeds(config, arguments.noise_seeds)
 
     def announce(cost: ReplayCost) -> None:
@@ -66,14 +66,14 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
     for replayed in replays:
         with Progress("replaying") as progress:
-            found.append(replay(replayed, progress.update, announce=None if found else announce))
+            results.append(replay(replayed, progress.update, announce=None if results else announce))
     samples: Counter[str] = Counter()
-    for result in found:
+    for result in results:
         samples.update(result.samples)
     return {
         "out": str(arguments.out),
-        "sequences": [str(path) for result in found for path in result.sequences],
-        "ground_truth": str(found[0].ground_truth),
+        "sequences": [str(path) for result in results for path in result.sequences],
+        "ground_truth": str(results[0].ground_truth),
         "samples": dict(sorted(samples.items())),
     }
 

@@ -136,12 +136,12 @@ class ScriptedDriver:
         if view.leader_gap_m is None:
             self._leader = None
             return
-        known = self._leader
-        if known is None or abs(known.gap_m - view.leader_gap_m) > 3.0:
+        leader = self._leader
+        if leader is None or abs(leader.gap_m - view.leader_gap_m) > 3.0:
             self._leader = Leader(gap_m=view.leader_gap_m, speed_mps=view.leader_speed_mps)
             return
-        speed = known.speed_mps + (view.leader_speed_mps - known.speed_mps) * TICK_S / 0.3
-        gap = known.gap_m + (view.leader_speed_mps - view.speed_mps) * TICK_S
+        speed = leader.speed_mps + (view.leader_speed_mps - leader.speed_mps) * TICK_S / 0.3
+        gap = leader.gap_m + (view.leader_speed_mps - view.speed_mps) * TICK_S
         self._leader = Leader(gap_m=gap + 0.05 * (view.leader_gap_m - gap), speed_mps=speed)
 
     def _distance_to_stop(self, view: DriverView, road: DriverRoute) -> float | None:
