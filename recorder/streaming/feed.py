@@ -1,13 +1,7 @@
-"""The process that makes frames ahead and hands them to systems: ``python -m recorder.streaming.feed FILE``.
-
-Systems of a lane take turns: a system works on a frame until it asks for the next. So no two systems
-compete for the lane's cores, and a frame's time is that of a single system. The benchmark makes the
-connections to the systems; a system that has ended is left out from then on.
-"""
+"""Process that makes frames ahead and hands them to systems, whose lanes take turns on their cores."""
 
 import json
 import os
-import pickle
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -33,7 +27,7 @@ _LOOK_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listener:
-    """A system that listens."""
+    """A system that gets frames; one that has ended is left out from then on."""
 
     connection: Connection
     """Its connection."""
@@ -49,14 +43,15 @@ class FeedJob:
     """The frames."""
     lanes: tuple[tuple[tuple[int, Key], ...], ...]
     """Systems by lane: file descriptor of the connection, and version of the frames."""
-    parent: int
-    """File descriptor of a connection to the benchmark; the feed ends when the other end does."""
     out: Path
     """Folder for `SHARES`."""
 
 
 class Feed:
     """Hands frames to the listeners of some lanes while they are made.
+
+    The systems of a lane take turns: a system works on a frame until it asks for the next. So no two systems
+    compete for the lane's cores, and a frame's time is that of a single system.
 
     Args:
         job: The frames.
@@ -163,10 +158,14 @@ _END = bytes(ForkingPickler.dumps(None))
 """Sent in place of a frame after the last."""
 
 
-def main(job_file: str) -> int:
-    """Run a `FeedJob`; an error is the last line on stderr."""
-    job: FeedJob = pickle.loads(Path(job_file).read_bytes())
-    parent = Connection(job.parent)
+def main(parent_fd: int) -> int:
+    """Run the `FeedJob` that the benchmark sends; an error is the last line on stderr.
+
+    Args:
+        parent_fd: File descriptor of a connection to the benchmark; the feed ends when the other end does.
+    """
+    parent = Connection(parent_fd)
+    job: FeedJob = parent.recv()
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     lanes = [[Listener(connection=Connection(fd), key=key) for fd, key in lane] for lane in job.lanes]
     try:
@@ -188,4 +187,4 @@ def _end_with(parent: Connection) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(int(sys.argv[1])))

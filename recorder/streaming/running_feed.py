@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import pickle
 import subprocess
 import sys
 import time
@@ -48,12 +47,10 @@ class RunningFeed:
             tuple((here.fileno(), key) for (_, here), key in zip(pair, lane, strict=True))
             for pair, lane in zip(pairs, lanes, strict=True)
         )
-        file = out / "feed.pickle"
-        file.write_bytes(pickle.dumps(FeedJob(frames=job, lanes=given, parent=other.fileno(), out=out)))
         ends = [other, *(here for lane in pairs for _, here in lane)]
         with (out / LOG).open("wb") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "recorder.streaming.feed", str(file)],
+                [sys.executable, "-m", "recorder.streaming.feed", str(other.fileno())],
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 pass_fds=[end.fileno() for end in ends],
@@ -64,6 +61,9 @@ class RunningFeed:
             end.close()
         if cores and hasattr(os, "sched_setaffinity"):
             os.sched_setaffinity(self._process.pid, cores)
+        # A feed that could not start has closed its end; `wait` raises its error.
+        with suppress(OSError):
+            self._parent.send(FeedJob(frames=job, lanes=given, out=out))
 
     def __enter__(self) -> RunningFeed:
         return self
