@@ -1,4 +1,4 @@
-"""Write docs/robustness/reliability.md from the long tests: `python docs/scripts/make_reliability.py`.
+"""Write docs/reliability.md from the long tests: `python docs/scripts/make_reliability.py`.
 
 It takes some hours on two cores. Reports of tests that passed stay in `out/reliability`; an interrupted run
 resumes after them; before a run after changes, remove that folder.
@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).parents[2]
 REPORTS = ROOT / "out" / "reliability"
-PAGE = Path(__file__).parents[1] / "robustness" / "reliability.md"
+PAGE = Path(__file__).parents[1] / "reliability.md"
 PYTEST = (sys.executable, "-m", "pytest")
 HEAD = """\
 # Reliability
