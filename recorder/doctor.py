@@ -1,4 +1,4 @@
-"""What works on this machine, how fast, and what to install for what does not."""
+"""Checks this machine: the parts that work, their speed, and packages to install for the others."""
 
 import os
 import platform
@@ -47,7 +47,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoctorReport:
-    """All findings, and what follows from them."""
+    """Result of all checks."""
 
     findings: tuple[Finding, ...]
     quality: str
@@ -60,7 +60,7 @@ class DoctorReport:
 
 
 def examine(out: Path | None = None) -> DoctorReport:
-    """Look at Python, OpenGL, Embree, PyBullet, devices, disk and optional parts.
+    """Check Python, OpenGL, Embree, PyBullet, devices, disk and optional parts.
 
     Args:
         out: Folder whose disk is looked at; the present one when left out.

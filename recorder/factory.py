@@ -72,7 +72,7 @@ class DatasetConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DatasetPlan:
-    """Work that a dataset takes."""
+    """Plan of a dataset: its sequences and lengths, finished parts, and cost."""
 
     sequences: int
     """Number of sequences."""
@@ -209,7 +209,7 @@ class _DriveProgress:
 
 
 def _recipe(config: DatasetConfig) -> dict[str, Any]:
-    """Everything that determines the dataset beside the drives, as plain values."""
+    """Recipe of a dataset as plain values: everything that determines it beside the drives."""
     r = config.replay
     return {
         "towns": list(config.towns), "weathers": list(r.weathers), "traffic": list(r.traffic),
@@ -252,7 +252,7 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
 
 
 def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None:
-    """Put the drive of a town into the dataset: a copy of a person's, or a new one by the scripted driver."""
+    """Add the drive of a town to the dataset: a copy of a person's, or a new one by the scripted driver."""
     target = DatasetFolder(config.out).episode(town)
     if target.exists():
         return

@@ -54,7 +54,7 @@ class Batch:
 
 
 def stream_of(job: Job) -> DriveStream:
-    """What the data of a run are made of."""
+    """Drive stream that makes the data of a run."""
     assert job.sequence.stream is not None
     return job.sequence.stream
 
@@ -95,7 +95,7 @@ def _batch(jobs: Sequence[Job]) -> Batch:
 
 
 def lacks(job: Job) -> str | None:
-    """Why the rig of a drive is none for a system; None: it is one."""
+    """Sensors of a system that the rig of a drive lacks, as a message; None: it has all."""
     try:
         stream_of(job).frame_job(job.system.sensor, masks=False)
     except EvaluationError as error:

@@ -102,7 +102,7 @@ def pairs_of(cell: pd.DataFrame) -> pd.DataFrame:
 
 
 def ratios(cell: pd.DataFrame) -> pd.DataFrame:
-    """How conditions of a town compare: dynamic to static, seg(d) to dynamic, weathers to clear noon.
+    """Ratios between conditions of a town: dynamic to static, seg(d) to dynamic, weathers to clear noon.
 
     Args:
         cell: Of `cells`.
@@ -119,7 +119,7 @@ def ratios(cell: pd.DataFrame) -> pd.DataFrame:
 
 
 def _compared(pairs: pd.DataFrame) -> np.ndarray:
-    """What each pair of cells compares; empty: they differ in more than one thing."""
+    """Name of the comparison of each pair; empty: its conditions differ in more than one thing."""
     weather, traffic, cloud = (pairs[name] == pairs[f"{name}_base"] for name in CONDITION[1:])
     movers = weather & cloud & ~traffic & pairs["traffic_base"].isin(STATIC)
     labels = weather & traffic & (pairs["cloud"] == SEGMENTED) & (pairs["cloud_base"] != SEGMENTED)

@@ -124,7 +124,7 @@ def _real_time(runs: pd.DataFrame, colour: dict[str, str]) -> list[tuple[str, st
 def _section(
     name: str, sequence: BenchmarkSequence, runs: Sequence[tuple[Job, PathErrors]], colour: dict[str, str]
 ) -> dict[str, Any]:
-    """What the page shows of a sequence."""
+    """Values of a sequence for the page's template."""
     start_ns = min(int(errors.stamp_ns[0]) for _, errors in runs)
     longest = max((errors for _, errors in runs), key=lambda errors: len(errors.stamp_ns))
     way_s, way_m = (longest.stamp_ns - start_ns) * 1e-9, longest.way_m

@@ -48,7 +48,7 @@ def keep(job: Job, record: RunRecord, config: BenchmarkConfig, fingerprint: str)
 
 
 def keep_shared(config: BenchmarkConfig, shared: tuple[int, int], runs: int) -> None:
-    """Write down how many instants of a drive were measured for some runs, and frames made of them."""
+    """Append the number of measured instants of a drive, and of frames made of them, to a file."""
     line = json.dumps({"instants": shared[0], "frames": shared[1], "runs": runs})
     with (config.out / SHARED).open("a", encoding="utf-8") as file:
         file.write(line + "\n")
@@ -113,7 +113,7 @@ def _duration_s(sequence: BenchmarkSequence) -> float:
 
 
 def fingerprint_of(job: Job, config: BenchmarkConfig) -> str:
-    """What a result depends on: the data, the system, its file and version, and the rule."""
+    """Fingerprint of a run's inputs: the data, the system, its file and version, and the rule."""
     source = Path(job.method).read_bytes() if job.method.endswith((".py", ".yaml", ".yml")) else b""
     facts = [
         job.sequence.digest,

@@ -246,7 +246,7 @@ class _Run:
         self._progress(len(self._scored) + part, len(self._jobs), None)
 
     def _ended(self, job: Job, score: Score) -> None:
-        """Take note of a score, and report it."""
+        """Store a score, and report it."""
         outcome = f"fail: {score.failed}" if score.failed else f"APE {score.ape_m:.3f} m"
         with self._lock:
             self._scored[self._numbers[job.folder]] = score

@@ -160,7 +160,7 @@ def times(values: pd.Series) -> pd.Series:
 
 
 def counted(some: pd.Series, of_all: pd.Series) -> pd.Series:
-    """How many of how many, as words."""
+    """Counts as words: how many of how many."""
     return some.astype(str) + " of " + of_all.astype(str)
 
 

@@ -22,7 +22,7 @@ Step = Callable[..., AbstractContextManager[Any]]
 
 
 class _Silent:
-    """Progress that nobody watches."""
+    """Progress without output."""
 
     def update(self, *_: object) -> None:
         """Drop the progress."""

@@ -49,7 +49,7 @@ Scores = dict[str, dict[str, tuple[Score, PathErrors]]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoConfig:
-    """Where the demo writes, and how much of the drive it replays."""
+    """Configuration of the demo: output folder, and stretch of the drive."""
 
     out: Path
     """Folder of the results."""

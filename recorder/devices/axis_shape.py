@@ -8,7 +8,7 @@ from carlaloc_env.core.errors import ConfigError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisShape:
-    """How one axis is read; raw values run from −1 to 1, as SDL gives them."""
+    """Mapping of one raw axis, −1…1 as SDL gives it, to a value."""
 
     axis: int
     """Number of the axis."""

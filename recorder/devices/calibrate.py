@@ -1,4 +1,4 @@
-"""Asks a person to turn and press, and writes the profile that results."""
+"""Calibrates a device: asks a person to turn and press its controls, and writes its profile."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -61,7 +61,7 @@ def make_profile(
     brake: AxisFound | int | None,
     model: DeviceProfile | None,
 ) -> DeviceProfile:
-    """Profile of what was found: axes, or numbers of buttons that are pedals.
+    """Profile of a device from its steering axis and its pedals, which are axes or buttons.
 
     Raises:
         DeviceError: left and right were found on two axes.
@@ -146,7 +146,7 @@ def calibrate(kind: str, *, ask: Ask, inputs: Inputs | None = None, folder: Path
 
 
 def _polls(source: Inputs, limit_s: float) -> Iterator[None]:
-    """Take events in again and again, for some time [s]."""
+    """Poll the devices every few milliseconds, for some time [s]."""
     end = time.monotonic() + limit_s
     while time.monotonic() < end:
         source.pump()

@@ -1,4 +1,4 @@
-"""Shapes hands and feet into controls that a car could feel: limits, rates and filters at 200 Hz."""
+"""Turns raw steering and pedals into controls of a car: limits, rates and filters at 200 Hz."""
 
 import math
 

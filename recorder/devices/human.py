@@ -33,7 +33,7 @@ _LOST_BRAKE, _LOST_RAMP_S, _LOST_STRAIGHTEN_S = 0.3, 1.0, 1.5
 
 
 class HumanDevice:
-    """Drives by what people do; devices may come and go while it runs.
+    """Device of a person: wheel, pad or keyboard, which may be plugged in and out during the drive.
 
     `StickRoles` decides which stick does what; a pedal acts after it was seen at rest. While nothing that
     drives is connected, the car coasts, brakes gently and straightens.
@@ -194,7 +194,7 @@ class HumanDevice:
         )
 
     def _guess(self) -> str | None:
-        """Names a stick in use whose profile is a guess, until the driver has found the pedals."""
+        """Message about a stick whose profile is a guess, until the car has been driven."""
         for stick, profile in () if self._has_driven else self._roles.in_use:
             if fit_of(stick.usb, stick.name, profile) >= BY_KIND:
                 return (
@@ -204,7 +204,7 @@ class HumanDevice:
         return None
 
     def _pressed_from_the_start(self) -> str | None:
-        """Names a pedal that has never been at rest, and therefore does not act."""
+        """Message about a pedal that has never been at rest, and therefore does not act."""
         for role in ("throttle", "brake"):
             driven = self._roles.of(role)
             if driven is None or rested(*driven, role):
@@ -220,7 +220,7 @@ class HumanDevice:
         return f"carlaloc record --device {self._kind} --calibrate"
 
     def _fault(self) -> str | None:
-        """What the sticks that are there cannot do, and the next step; None when they can drive."""
+        """Message about a missing control of the sticks, with a remedy; None when they can drive."""
         if self._kind == "keyboard" or self._roles.question:
             return None
         for role in ("steer", "throttle", "brake"):

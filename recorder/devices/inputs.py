@@ -38,7 +38,7 @@ class Stick:
     """Least and greatest value of every axis that has moved."""
 
     def follow(self, number: int, value: float) -> None:
-        """Note that an axis has moved."""
+        """Store the new value of an axis."""
         before, was_trusted = self.raw[number], self.trusted[number]
         self.raw[number] = value
         self.trusted[number] |= abs(value - before) > _STIRRED
@@ -66,7 +66,7 @@ class Stick:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Press:
-    """A key or a button went down."""
+    """Press of a key or button."""
 
     key: int | None = None
     """pygame key code, None for a button."""
@@ -79,7 +79,7 @@ class Press:
 
 
 def import_pygame(needed_by: str) -> Any:
-    """The library, which prints nothing and leaves OpenGL alone.
+    """Import pygame, so that it prints nothing and leaves OpenGL alone.
 
     Args:
         needed_by: What needs it, for an error.

@@ -52,7 +52,7 @@ def held_pedals(keys: set[int]) -> tuple[bool, bool, bool, bool, bool]:
 
 
 class KeyPanel:
-    """Takes in key presses; what only a driver may ask for is left out.
+    """Reads commands from the keyboard, without those that only a driver gives.
 
     Args:
         inputs: Where events come from.

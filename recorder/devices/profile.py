@@ -26,7 +26,7 @@ BY_USB, BY_NAME, BY_KIND, BY_GUESS = range(4)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceProfile:
-    """What the axes and buttons of one device do."""
+    """Profile of one device: the functions of its axes and buttons."""
 
     name: str
     """Name for people, e.g. ``Logitech G29``."""
@@ -166,7 +166,7 @@ def _reads_some(profile: DeviceProfile, axis_count: int) -> bool:
 
 
 def fit_of(usb: str, name: str, profile: DeviceProfile) -> int:
-    """How surely a profile is a device's: `BY_USB` … `BY_GUESS`."""
+    """Quality of the match between a profile and a device: `BY_USB` … `BY_GUESS`."""
     if usb in profile.usb:
         return BY_USB
     looks = name.lower()

@@ -23,7 +23,7 @@ def rested(stick: Stick, profile: DeviceProfile, role: str) -> bool:
 
 
 class StickRoles:
-    """Which of the connected sticks steers, and which has the pedals.
+    """Roles of the connected sticks: one steers, and one has the pedals.
 
     The stick steers whose profile fits best, by its USB id above all; of several the one that is moved first.
     Separate pedals go before those of the wheel, guessed ones as soon as they are moved.
@@ -51,7 +51,7 @@ class StickRoles:
         self.update((), sticks)
 
     def update(self, lost: Iterable[Stick], gained: Iterable[Stick]) -> list[tuple[str, str]]:
-        """Decide anew, after sticks were moved, pulled out or plugged in; what became of those that fit."""
+        """Assign the roles anew after sticks moved, came or went; return losses and gains."""
         plugged = [("device_lost", stick.name) for stick in lost if self._lose(stick)]
         plugged += [("device_back", stick.name) for stick in gained if self._take(stick)]
         self._assign()

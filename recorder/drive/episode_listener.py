@@ -22,7 +22,7 @@ _APART_S, _APART_M = 1.0, 1.0
 
 
 def ego_row(state: EgoState, controls: Controls, raw: Controls | None) -> EgoRow:
-    """What an episode keeps of the ego after a tick."""
+    """Row of an episode for the ego after a tick."""
     return EgoRow(
         position_m=state.position_m,
         quat_xyzw=state.quat_xyzw,

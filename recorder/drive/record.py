@@ -275,7 +275,7 @@ def _arrived(world: DrivingWorld) -> bool:
 def episode_header(
     config: RecordConfig, town: Town, world: DrivingWorld, device: str, catalog: ActorCatalog
 ) -> EpisodeHeader:
-    """Everything that a replay needs to rebuild the drive's world."""
+    """Header of an episode: everything that rebuilds the drive's world."""
     versions = {name: library_version(name) for name in VERSIONED}
     return EpisodeHeader(
         map_name=town.name,

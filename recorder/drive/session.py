@@ -38,7 +38,7 @@ _FAREWELL_S = 1.5
 
 
 class Cockpit(Protocol):
-    """What shows a drive, e.g. a window."""
+    """Interface of a display of a drive, e.g. a window."""
 
     def show(self, world: DrivingWorld, status: DriveStatus) -> None:
         """Show the present."""
@@ -48,7 +48,7 @@ class Cockpit(Protocol):
 
 
 class DriveSession:
-    """Runs one drive.
+    """Session of one drive: device, world, recording and pace.
 
     Args:
         world: The living town.
@@ -93,7 +93,7 @@ class DriveSession:
         """Whether the drive ended because the car made no progress."""
 
     def start(self) -> None:
-        """Open the episode and put everybody in place."""
+        """Open the episode and place the ego and all actors."""
         self._world.reset(self._seed, self.listener)
 
     def run_freely(self, *, patience_s: float = math.inf) -> None:
@@ -222,7 +222,7 @@ class DriveSession:
         return "checkpoint" if self._checkpoint else "start"
 
     def _way_out(self, panel: HumanDevice | KeyPanel) -> str | None:
-        """What a person can do whose car is stuck."""
+        """Advice to a person whose car is stuck."""
         if self._pushed_ticks < _STUCK_S * TICK_HZ or not isinstance(panel, HumanDevice):
             return None
         names = (Command.REVERSE, "R"), (Command.RESTART, "backspace")

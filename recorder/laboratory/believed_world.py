@@ -34,7 +34,7 @@ class BelievedWorld:
         self._road.start(self.state.position_m)
 
     def follow(self) -> None:
-        """Take note of a step."""
+        """Update the believed pose after a step."""
         self._road.follow(self.state.position_m)
 
     @property
@@ -50,19 +50,19 @@ class BelievedWorld:
 
     @property
     def state(self) -> EgoState:
-        """The car, believed."""
+        """Believed state of the car."""
         state, T_true = self._world.state, self.T_true
         T = self._source.believed(T_true)
         return replace(state, position_m=T[:3, 3].copy(), heading_rad=state.heading_rad + _turn(T, T_true))
 
     @property
     def route_s_m(self) -> float:
-        """How far along its route the car is believed [m]."""
+        """Believed distance of the car along its route [m]."""
         return self._road.progress_m
 
     @property
     def route_offset_m(self) -> float:
-        """How far left of its route the car is believed [m]."""
+        """Believed offset of the car to the left of its route [m]."""
         return self._road.offset_m
 
     @property
@@ -75,7 +75,7 @@ class BelievedWorld:
         return self._world.signals()
 
     def actors(self) -> ActorFrame:
-        """Others, where they are believed."""
+        """Other road users at their believed places."""
         actors, T_true = self._world.actors(), self.T_true
         T = self._source.believed(T_true)
         if T is T_true or not len(actors):
@@ -87,7 +87,7 @@ class BelievedWorld:
         )
 
     def driver_view(self) -> DriverView:
-        """The view of a driver who believes so."""
+        """View of a driver at the believed pose."""
         true = self._world.driver_view()
         return self._road.view(
             tick=true.tick,

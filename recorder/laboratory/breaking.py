@@ -76,7 +76,7 @@ class Try:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BreakResult:
-    """What a search has found."""
+    """Result of a search: its tries, the mildest failure, and the nearest condition that passes."""
 
     tries: list[Try]
     """All tries, in their order."""
@@ -87,7 +87,7 @@ class BreakResult:
 
 
 class _Bench:
-    """Runs the system under a condition; what is known already is not run again."""
+    """Runs the system under conditions, each condition once."""
 
     def __init__(self, config: BreakConfig, report: Callable[[Try], None]) -> None:
         self._config, self._report = config, report
@@ -162,7 +162,7 @@ def find_break(config: BreakConfig, report: Callable[[Try], None] = lambda _: No
 
 
 def _severity(tried: Try, config: BreakConfig) -> float:
-    """How near a run that passes is to failing, 0–1."""
+    """Severity of a run that passes: 0 far from failing, 1 at the limit."""
     most_m = config.ape_max_m or _STANDING * tried.score.length_m
     lost = (1.0 - tried.score.coverage) / (1.0 - config.rule.coverage_min)
     return min(max(tried.score.ape_m / most_m, lost, 0.0), 1.0)

@@ -25,7 +25,7 @@ Progress = Callable[[float, int, str | None], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoopConfig:
-    """Where the driver drives, and by which poses."""
+    """Configuration of closed-loop drives: town, route, traffic, and sources of poses."""
 
     town: str | Path
     """Town, or an OpenDRIVE file."""

@@ -36,7 +36,7 @@ _PARTS = {"pose": slice(0, 6), "position": slice(0, 3), "rotation": slice(3, 6)}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsistencyConfig:
-    """Which estimators run over which drive."""
+    """Configuration of a consistency test: estimators, drive and seeds."""
 
     drive: DriveConfig
     """One drive under one condition, with its number of noise seeds."""
@@ -119,7 +119,7 @@ def scatter(errors: PoseErrors) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ConsistencyResult:
-    """All estimators that were compared."""
+    """Result of a consistency test: all estimators."""
 
     methods: tuple[MethodConsistency, ...]
     """One each."""

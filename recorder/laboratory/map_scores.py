@@ -52,7 +52,7 @@ class MapScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Distances:
-    """All that scores are made of: M points of a map and K points of the true surfaces."""
+    """Distances between M points of a map and K points of the true surfaces."""
 
     map_m: Array
     """From the map's points to the nearest surface [m], shape (M,)."""
@@ -148,7 +148,7 @@ def _score(part: str, tag: str, d: float, map_m: Array, surface_m: Array) -> Map
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GhostRule:
-    """When a point is a ghost."""
+    """Thresholds that make a point of a map a ghost."""
 
     surface_m: float = 0.3
     """Least distance from every static surface [m]; noise and small errors of poses stay below it."""
@@ -167,7 +167,7 @@ def find_ghosts(
     span_ns: tuple[int, int],
     rule: GhostRule = GhostRule(),
 ) -> Mask:
-    """Which points lie off all static surfaces, and in a mover's box at a stamp of the drive, shape (N,).
+    """Mask of ghosts: points off all static surfaces, in a mover's box at a stamp of the drive, shape (N,).
 
     Boxes are taken every 50 ms. At less than their length in that time their union is the swept volume.
 

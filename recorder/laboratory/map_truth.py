@@ -33,7 +33,7 @@ from recorder.writers.base import DEFAULT_EPOCH_NS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapTruthConfig:
-    """Against which drive maps are scored, and how finely."""
+    """Configuration of map scores: the drive, distances and samples."""
 
     drive: Path
     """Episode of the drive."""

@@ -92,7 +92,7 @@ def local_maps(clouds: Sequence[Array], frames: Frames) -> list[Array]:
 
 
 def check_map_closures() -> None:
-    """Refuse what cannot be run.
+    """Check that MapClosures is installed and can run.
 
     Raises:
         MissingDependencyError: MapClosures is not installed.

@@ -45,7 +45,7 @@ AT = (1, 5, 10)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacesConfig:
-    """Which frames are compared, under which conditions, and by which methods."""
+    """Configuration of a comparison of places: drives, conditions and methods."""
 
     reference: Path
     """The known drive."""
@@ -237,7 +237,7 @@ def _run_baseline(
     query_drive: PlaceDrive,
     report: Callable[[float, float, str], None],
 ) -> list[dict[str, Array]]:
-    """What a baseline finds, a set of arrays for each weather of the queries."""
+    """Run a baseline; return its arrays for each weather of the queries."""
     count = len(reference_drive.frames) + len(query_drive.frames)
     done = 2 * count  # overlap takes two steps a frame
 

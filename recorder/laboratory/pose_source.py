@@ -28,14 +28,14 @@ class PoseSource(Protocol):
     """Source of the pose that a driver believes."""
 
     def begin(self, rig: SensorRig | None) -> None:
-        """A drive begins.
+        """Begin a drive.
 
         Raises:
             EvaluationError: the sensors do not serve it.
         """
 
     def update(self, world: DrivingWorld, samples: Sequence[Sample]) -> None:
-        """Take note of a step and of the samples that it brought.
+        """Update the source with a step and its samples.
 
         Raises:
             DeadSystemError: there is no estimate any more.
@@ -45,7 +45,7 @@ class PoseSource(Protocol):
         """The believed pose of `base_link` for the true one, shapes (4, 4); the same array: no error."""
 
     def close(self) -> None:
-        """End it; may be called twice."""
+        """End the source; may be called twice."""
 
 
 class KnownError:
@@ -59,20 +59,20 @@ class KnownError:
         self.lateral_m = lateral_m
 
     def begin(self, rig: SensorRig | None) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
     def update(self, world: DrivingWorld, samples: Sequence[Sample]) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
     def believed(self, T_world_base: Array) -> Array:
-        """The pose, shifted to the car's left."""
+        """True pose, shifted to the car's left."""
         if not self.lateral_m:
             return T_world_base
         shifted: Array = T_world_base @ from_rotation(np.eye(3), (0.0, self.lateral_m, 0.0))
         return shifted
 
     def close(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
 
 class SystemPose:
@@ -132,7 +132,7 @@ class SystemPose:
             raise DeadSystemError(f"{self._system.title} gave no pose for {self._silence_ns / 1e9:g} s")
 
     def believed(self, T_world_base: Array) -> Array:
-        """The pose, moved by what the newest estimate was wrong by."""
+        """True pose, moved by the error of the newest estimate."""
         moved: Array = self._T_believed_true @ T_world_base
         return moved
 

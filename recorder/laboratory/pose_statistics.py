@@ -18,7 +18,7 @@ LEVELS = (0.5, 0.9, 0.95)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Consistency:
-    """How stated covariances compare with errors, of S runs at P poses, in D dimensions."""
+    """Comparison of stated covariances with the errors of S runs at P poses, in D dimensions."""
 
     nees: Array
     """Normalised error squared ξᵀ Σ⁻¹ ξ, shape (S, P); NaN where a covariance is not positive definite."""

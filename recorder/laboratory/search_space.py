@@ -58,7 +58,7 @@ class Range:
 
 
 def ranges_of(kinds: tuple[str, ...], *, weather: bool) -> tuple[Range, ...]:
-    """All that may break a system: weather, traffic, and every fault of its sensors that has two finite ends.
+    """Ranges of a search: weather, traffic, and every fault of the sensors with two finite ends.
 
     Args:
         kinds: Kinds of sensors that it reads, e.g. ``("lidar", "imu")``.
@@ -77,7 +77,7 @@ def ranges_of(kinds: tuple[str, ...], *, weather: bool) -> tuple[Range, ...]:
 
 
 def distance(shares: Mapping[str, float]) -> float:
-    """How far a condition lies from the neutral one: root of the sum of squared shares of the ranges."""
+    """Distance of a condition from the neutral one: root of the sum of squared shares of the ranges."""
     return math.sqrt(sum(share * share for share in shares.values()))
 
 

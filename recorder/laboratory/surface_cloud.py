@@ -42,7 +42,7 @@ class SurfaceCloud:
 
 
 class Region:
-    """All that lies within a distance of some places, seen from above.
+    """Region within a distance of some places, seen from above.
 
     Args:
         centres_m: Places [m], world, of which x and y count, shape (K, 2) or (K, 3).
@@ -55,7 +55,7 @@ class Region:
         self._tree, self.reach_m = cKDTree(centres_m[:, :2]), reach_m
 
     def contains(self, points_m: Array | F32) -> Mask:
-        """Which points lie in it, shape (N,)."""
+        """Mask of the points in the region, shape (N,)."""
         return np.isfinite(self._tree.query(points_m[:, :2], distance_upper_bound=self.reach_m)[0])
 
     def pieces(self, corners_m: Array, row: Index) -> tuple[Array, Index]:

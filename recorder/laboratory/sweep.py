@@ -146,7 +146,7 @@ class SweepConfig:
 
     @property
     def base(self) -> Setting:
-        """The condition in which every axis but one stays."""
+        """Base condition, from which one axis at a time departs."""
         options = self.drives.options
         return Setting(
             weather=options.weathers[0],
@@ -195,7 +195,7 @@ def points_of(config: SweepConfig) -> list[Point]:
 
 @dataclass(slots=True)
 class _Group:
-    """Points whose conditions one description of a drive holds."""
+    """Settings of one drive and seed, which share a description."""
 
     episode: Path
     out: Path

@@ -14,7 +14,7 @@ from recorder.laboratory.sweep import Point, SweepConfig, points_of, sequences_o
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepResult:
-    """All runs of a sweep."""
+    """Result of a sweep: a row of figures for each point and system."""
 
     config: SweepConfig
     """Its configuration."""
@@ -34,7 +34,7 @@ def run_sweep(
     progress: Progress = lambda *_: None,
     report: Callable[[str], None] = lambda _: None,
 ) -> SweepResult:
-    """Run systems at every point of every axis.
+    """Run systems at every point of a sweep, as one benchmark.
 
     Args:
         config: Quantities and drives.
@@ -78,7 +78,7 @@ def _alike(sequence: object) -> tuple[object, ...]:
 
 
 def row_of(point: Point, score: Score, title: str) -> dict[str, object]:
-    """A row of `SweepResult.runs`."""
+    """Row of `SweepResult.runs` for one run: figures of its score, swept quantities, drive and seed."""
     figures = asdict(score)
     # The quantity swept may be called as the level is.
     level = {"traffic_level": figures.pop("traffic"), "title": title}

@@ -181,7 +181,7 @@ def ever_visible(
     stamps_ns: NDArray[np.int64],
     report: Progress = lambda *_: None,
 ) -> Mask:
-    """Which points of surfaces a LiDAR has had in sight at one of some stamps, shape (N,).
+    """Mask of the surface points that a LiDAR saw at one stamp or more, shape (N,).
 
     A point is in sight if it lies within the range and between the lowest and the highest beam, and a ray to
     it meets nothing before: neither the town, nor a mover at that stamp, nor the ego's own body.

@@ -257,7 +257,7 @@ def _spec(config: MinariConfig, towns: Sequence[str]) -> gymnasium.envs.registra
 
 
 def _held(name: str, read: Callable[[str], Any]) -> Any:
-    """A name, or in place of a YAML file what it holds: a data set is read where the file is not."""
+    """A name, or the contents of a YAML file, since a data set is read where the file is not."""
     return plain(read(name)) if Path(name).suffix in (".yaml", ".yml") else name
 
 

@@ -55,7 +55,7 @@ def prepare_for_hub(dataset: Path, folder: Path, *, folder_files: int = FOLDER_F
 
 
 def check_packages() -> None:
-    """Make sure that tables and metadata can be written.
+    """Check that the packages for tables and metadata are installed.
 
     Raises:
         ConfigError: a package is missing.

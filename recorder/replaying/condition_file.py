@@ -18,7 +18,7 @@ from recorder.episode.traffic_level import traffic_level
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionFile:
-    """The values of such a file; the command gives those that it leaves out."""
+    """Values of a condition file; the command gives those that it leaves out."""
 
     weather: str = "ClearNoon"
     """Name of a weather with its changes, or path of a schedule."""

@@ -26,7 +26,7 @@ from recorder.replaying.recipe import Recipe, Unit, units_of
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReplayPlan:
-    """A replay that may begin."""
+    """Checked replay, ready to begin."""
 
     config: ReplayConfig
     """The request."""
@@ -55,7 +55,7 @@ class ReplayPlan:
 
     @property
     def processes(self) -> int:
-        """How many processes of this machine can share the work."""
+        """Number of this machine's processes that can share the work."""
         return min(self.config.workers or len(usable_cores()), len(self.units))
 
     @property
@@ -106,7 +106,7 @@ class ReplayPlan:
 
 
 def plan_replay(config: ReplayConfig) -> ReplayPlan:
-    """Look at everything that a replay needs.
+    """Check everything that a replay needs, and plan it.
 
     Raises:
         ConfigError: an unknown rig, weather or level, or a stretch outside the drive.

@@ -68,7 +68,7 @@ class ReplayRun:
         self._done_s = 0.0
 
     def run(self, *, with_shared: bool) -> None:
-        """Do all that is left.
+        """Run all tasks that are left.
 
         Args:
             with_shared: Whether calibration and ground truth are written, too.

@@ -45,7 +45,7 @@ class Task:
 
 
 class Workers(Protocol):
-    """Where tasks are done."""
+    """Interface of a place where tasks run."""
 
     at_once: int
     """How many tasks are handed out at a time."""

@@ -91,7 +91,7 @@ class WorkingFolder:
         return self
 
     def _locked(self) -> IO[str]:
-        """The marker, locked."""
+        """Open the marker file, locked for this process."""
         while True:
             self.path.mkdir(parents=True, exist_ok=True)
             marker = (self.path / MARKER).open("a+", encoding="utf-8")
@@ -141,7 +141,7 @@ class WorkingFolder:
         self._lock.flush()
 
     def publish(self) -> None:
-        """Give everything its final name; from here on the next run finishes a killed one.
+        """Move everything to its final name; from here on the next run finishes a killed one.
 
         Raises:
             WriterError: a name was taken meanwhile, or the disk is full.

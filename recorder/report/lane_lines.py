@@ -19,6 +19,6 @@ def lane_lines(network: LaneNetwork) -> list[Array]:
 
 
 def lane_lines_of(town: str) -> list[Array]:
-    """The same of a town that is known by name; of others nothing is known."""
+    """Centre lines of a town's driving lanes [m]; empty for an unknown town."""
     source = known_towns().get(town) if is_name(town) else None
     return [] if source is None else lane_lines(build_network(read_opendrive(source)))

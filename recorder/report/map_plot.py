@@ -56,7 +56,7 @@ def plot_map(
 
 
 def _along(xy_m: Array) -> Array:
-    """Places counted from their mean, the direction of their largest spread along x."""
+    """Points relative to their mean, turned so that their largest spread lies along x."""
     away = xy_m - xy_m.mean(axis=0)
     axes = np.linalg.eigh(away.T @ away)[1][:, ::-1]
     axes[:, 1] *= np.sign(np.linalg.det(axes))  # a turn, no mirror

@@ -37,7 +37,7 @@ class Listener:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeedJob:
-    """Frames and listeners of a feed, as its process gets them."""
+    """Job of a feed's process: frames, listeners and an output folder."""
 
     frames: FrameJob
     """The frames."""

@@ -153,7 +153,7 @@ class FrameMaker:
         """Instants that were measured so far, and frames that were made of them."""
 
     def frames(self) -> Iterator[tuple[float, dict[Key, Frame]]]:
-        """Length of the finished stretch [s], and all versions of a frame, in the order of time."""
+        """Yield the length of the finished stretch [s] and all versions of a frame, in the order of time."""
         first, end = self._job.span_ns
         for _ in self._sensors.recall(self._job.span_ns):
             pass

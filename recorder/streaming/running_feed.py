@@ -76,7 +76,7 @@ class RunningFeed:
         self._process.wait()
 
     def made_s(self, wait_s: float) -> float:
-        """How much of the drive has been made [s], after at most so much time."""
+        """Length of the drive that has been made [s]; waits at most `wait_s` for news."""
         until = time.monotonic() + wait_s
         try:
             while self._parent.poll(max(until - time.monotonic(), 0.0)):

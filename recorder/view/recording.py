@@ -28,7 +28,7 @@ WORLD, BASE_LINK = "world", "world/base_link"
 
 
 class Recording:
-    """What is written to one file; times are Unix times [ns], coordinates metres in the entity's frame.
+    """Open recording of one file; times are Unix times [ns], coordinates metres in the entity's frame.
 
     Args:
         stream: Stream of rerun.
@@ -40,11 +40,11 @@ class Recording:
         self._stream = stream
 
     def always(self, entity: str, thing: Any, *more: Any) -> None:
-        """Log what holds at all times."""
+        """Log values that hold at all times."""
         self._stream.log(entity, thing, *more, static=True, strict=True)
 
     def at(self, stamp_ns: int, entity: str, thing: Any) -> None:
-        """Log what begins to hold at one time [ns]."""
+        """Log values that begin to hold at one time [ns]."""
         self._stream.set_time(TIMELINE, timestamp=np.datetime64(stamp_ns, "ns"))
         self._stream.log(entity, thing, strict=True)
         self._stream.reset_time()
@@ -85,7 +85,7 @@ class Recording:
 
 
 def import_rerun() -> ModuleType:
-    """The library, with its blueprints.
+    """Import rerun, with its blueprints.
 
     Raises:
         MissingDependencyError: it is not installed.
@@ -101,7 +101,7 @@ def import_rerun() -> ModuleType:
 
 @contextmanager
 def new_recording(path: str | Path, title: str, *, overwrite: bool = False) -> Iterator[Recording]:
-    """A recording that is whole, or not there, when the block ends.
+    """Open a recording, whose file is whole, or not there, when the block ends.
 
     Args:
         path: New file (.rrd).
@@ -131,7 +131,7 @@ def _classes() -> list[tuple[int, str, tuple[int, ...]]]:
 
 
 def check_display() -> None:
-    """Make sure that a window can be opened.
+    """Check that a window can be opened.
 
     Raises:
         DeviceError: there is no display.

@@ -251,7 +251,7 @@ def _near(chunk: Mesh, path_m: Array, radius_m: float) -> Iterator[Mesh]:
 
 
 def _of_lines(chunk: Mesh, lines: bool) -> Iterator[Mesh]:
-    """The road markings of a chunk, or all else."""
+    """Triangles of a chunk's road markings, or all others."""
     chosen = (chunk.tag[chunk.triangles[:, 0]] == Tag.ROAD_LINE) == lines
     if chosen.any():
         vertices, index = np.unique(chunk.triangles[chosen], return_inverse=True)

@@ -193,5 +193,5 @@ def _log_estimates(recording: Recording, estimates: Sequence[PathErrors]) -> Non
 
 
 def _entity(name: str) -> str:
-    """A name as a part of an entity's path."""
+    """Part of an entity's path that stands for a name."""
     return "".join(sign if sign.isalnum() or sign in "_-" else "_" for sign in name)

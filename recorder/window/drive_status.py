@@ -8,7 +8,7 @@ from carlaloc_env.core.ego import Controls
 
 @dataclass(slots=True)
 class DriveStatus:
-    """What the window shows beside the world itself."""
+    """Figures and messages of a drive for the window."""
 
     controls: Controls = field(default_factory=Controls)
     """Controls of the last tick."""

@@ -22,7 +22,7 @@ _WARNINGS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HudState:
-    """What the instruments show."""
+    """Values that the instruments show."""
 
     status: DriveStatus
     """Controls, and what the driver has switched on."""

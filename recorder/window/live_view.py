@@ -26,7 +26,7 @@ _FOV_DEG = {"seat": 80.0, "chase": 75.0, "above": 60.0}
 
 
 class LiveView:
-    """Draws what the driver sees, in low resolution and at the renderer's lowest tier.
+    """Draws the driver's view, in low resolution and at the renderer's lowest tier.
 
     Images become smaller where the machine would not draw twenty a second.
 
@@ -39,7 +39,7 @@ class LiveView:
         self._resolution = LiveResolution()
         self._heading_rad: float | None = None
         self._last: GBuffer | None = None
-        self._known: GBuffer | None = None
+        self._finished: GBuffer | None = None
         self._unfinished: Callable[[], NDArray[np.uint8]] | None = None
         self._view = ""
 
@@ -57,15 +57,15 @@ class LiveView:
         began = time.perf_counter()
         renderer, now = self._stage.renderer(), snapshot.stamp_ns
         seen = self._seen(snapshot, view, self._resolution.size_px)
-        earlier = self._known if view == self._view else None
+        earlier = self._finished if view == self._view else None
         draw = renderer.begin_drawing(*seen, earlier=earlier)
         is_first = self._unfinished is None
         if self._unfinished is not None:
             hand_over(np.ascontiguousarray(self._unfinished()))
         # The next image hides surfaces by a finished one, which costs no waiting.
-        self._known = self._last if view == self._view else None
-        if self._known is not None:
-            self._known.samples()
+        self._finished = self._last if view == self._view else None
+        if self._finished is not None:
+            self._finished.samples()
         drawn = draw()
         weather = self._stage.weather.at(now)
         self._unfinished = renderer.begin_shading(drawn, weather, stamp_ns=now, seed=self._stage.seed)

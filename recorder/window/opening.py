@@ -49,7 +49,7 @@ class Opening(AbstractContextManager["Opening"]):
         self.window.close()
 
     def run(self, what: str, work: Callable[[], T]) -> T:
-        """Do some work while the window shows what it is.
+        """Run some work while the window shows its name.
 
         Raises:
             DeviceError: the window has been closed in the meantime.
@@ -65,18 +65,18 @@ class Opening(AbstractContextManager["Opening"]):
         return future.result()
 
     def text(self, what: str) -> str:
-        """What is being done, and the time left where it is known."""
+        """Text of the work, with the time left where it is known."""
         if self._last_s is None:
             return f"{what}, the first time takes up to a minute"
         return f"{what}, {max(self._last_s - self._passed_s(), 1.0):.0f} s left"
 
     def show(self, what: str) -> None:
-        """Show what is being done, and a bar."""
+        """Show the name of the work, and a bar."""
         passed_s = self._passed_s()
         self.window.show_progress(self.text(what), passed_s / max(self._last_s or 60.0, passed_s + 1.0))
 
     def finish(self) -> None:
-        """The drive begins: remember how long that took."""
+        """Store the loading time, as the drive begins."""
         times = _kept_times(self._times) | {self._town: round(self._passed_s(), 1)}
         try:
             self._times.parent.mkdir(parents=True, exist_ok=True)

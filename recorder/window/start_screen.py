@@ -106,7 +106,7 @@ class StartScreen:
         return self.choice
 
     def update(self) -> bool:
-        """Answer what was pressed, and draw; True once the choice is confirmed.
+        """Handle the presses, and draw; True once the choice is confirmed.
 
         Raises:
             DeviceError: as `run`.

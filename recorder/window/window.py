@@ -74,7 +74,7 @@ class Window:
         pygame.display.flip()
 
     def closed(self) -> bool:
-        """Whether somebody has closed the window or pressed Escape, before anything else reads events."""
+        """Whether the window was closed or Escape pressed; call it before anything else reads events."""
         pygame = self._pygame
         pygame.event.pump()
         events = pygame.event.get((pygame.QUIT, pygame.KEYDOWN, pygame.KEYUP, pygame.MOUSEMOTION))

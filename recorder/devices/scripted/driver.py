@@ -42,7 +42,7 @@ class ScriptedDriver:
         self._begin()
 
     def _begin(self) -> None:
-        """Sit down in a standing car."""
+        """Reset the driver's state for a standing car."""
         self._random = clock.stream(self._seed, "driver/decisions")
         self._limit_fraction = 0.94 + 0.05 * float(self._random.uniform())
         self._steering = DriverSteering(self._params, self._seed)
@@ -65,7 +65,7 @@ class ScriptedDriver:
         return "scripted"
 
     def close(self) -> None:
-        """Nothing to let go."""
+        """Do nothing: there is no device to release."""
 
     def read(self, view: DriverView) -> Controls:
         """Controls for the coming tick; a tick that is not later than the last begins a new drive."""

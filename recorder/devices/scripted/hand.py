@@ -1,4 +1,4 @@
-"""The scripted driver's hands and feet on a wheel and pedals: a drive by the whole path of a person's.
+"""Lets the scripted driver turn a virtual wheel and pedals, through the same code as a person's.
 
 Controls go through SDL, its 16-bit axes, the device's profile and filters, once per image, as a person's do.
 """

@@ -13,7 +13,7 @@ _HOLD_BRAKE = 0.25
 
 
 class DriverPedals:
-    """Foot that brings about an acceleration; a driver knows by feel what a pedal does.
+    """Foot that presses throttle or brake for a wanted acceleration.
 
     Args:
         params: The car.

@@ -24,7 +24,7 @@ _ANOTHER_STOP_M = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedStyle:
-    """How a driver uses the pedals."""
+    """Parameters of a driver's speed control."""
 
     brake_from_mps2: float = 1.3
     """Braking for something ahead begins when its peak would exceed this."""

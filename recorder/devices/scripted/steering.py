@@ -17,7 +17,7 @@ from recorder.devices.scripted.route_profile import DriverRoute
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SteeringStyle:
-    """How a driver steers."""
+    """Parameters of a driver's steering."""
 
     preview_s: float = 2.6
     """Time ahead to which lateral errors are extrapolated on roads."""
