@@ -72,7 +72,7 @@ check: $(READY)
 	$(BIN)/python .ci/audit.py
 
 bench: $(READY)
-	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/$(if $(AGAINST),against.py $(AGAINST),run.py)
 
 findings: $(READY)
 	$(BIN)/python docs/findings/findings.py --work out/findings
