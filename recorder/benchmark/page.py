@@ -55,9 +55,7 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
     bars = _real_time(runs, colour)
     sections = []
     for k, sequence in enumerate(result.sequences):
-        here = [
-            (job, path_errors) for job, path_errors in errors if job.sequence == sequence and job.run == 1
-        ]
+        here = [run for run in errors if run[0].sequence == sequence and run[0].run == 1]
         if here:
             sections.append(_section(f"s{k}", sequence, here, colour))
     template = Path(__file__).with_name("page.html.jinja").read_text(encoding="utf-8")

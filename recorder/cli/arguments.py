@@ -298,18 +298,14 @@ class _ConditionAction(argparse.Action):
         from recorder.replaying.condition_file import ConditionFile
 
         try:
-            condition = ConditionFile.read(values)
+            file = ConditionFile.read(values)
         except ConfigError as error:
             raise UsageError(str(error)) from error
         namespace.condition = values
-        namespace.weather, namespace.traffic = (condition.weather,), (condition.traffic,)
-        namespace.lidar_weather = condition.lidar_weather
-        namespace.fault = condition.fault_words
-        for name, value in (
-            ("start", condition.start_s),
-            ("duration", condition.duration_s),
-            ("seed", condition.seed),
-        ):
+        namespace.weather, namespace.traffic = (file.weather,), (file.traffic,)
+        namespace.lidar_weather = file.lidar_weather
+        namespace.fault = file.fault_words
+        for name, value in (("start", file.start_s), ("duration", file.duration_s), ("seed", file.seed)):
             if value is not None and hasattr(namespace, name):
                 setattr(namespace, name, value)
 

@@ -64,12 +64,10 @@ class Vlad:
         return np.asarray(sums.ravel() / max(float(np.linalg.norm(sums)), 1e-12))
 
     def _features(self, image: U8) -> Array:
-        descriptors = self._sift.detectAndCompute(image, None)[1]
-        if descriptors is None:
+        sift = self._sift.detectAndCompute(image, None)[1]
+        if sift is None:
             return np.zeros((0, 128))
-        return np.asarray(
-            np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-12)), np.float64
-        )
+        return np.asarray(np.sqrt(sift / np.maximum(sift.sum(axis=1, keepdims=True), 1e-12)), np.float64)
 
 
 def local_maps(clouds: Sequence[Array], frames: Frames) -> list[Array]:

@@ -184,31 +184,29 @@ def compare_places(
     """
     if "map_closures" in config.methods:
         check_map_closures()
-    reference_drive = PlaceDrive(config, config.reference, (config.weather,), 0.0)
-    query_drive = PlaceDrive(
-        config, config.query or config.reference, config.query_weathers, config.query_offset_m
-    )
-    episodes = [Episode.load(drive.plan.config.episode) for drive in (reference_drive, query_drive)]
+    reference = PlaceDrive(config, config.reference, (config.weather,), 0.0)
+    query = PlaceDrive(config, config.query or config.reference, config.query_weathers, config.query_offset_m)
+    episodes = [Episode.load(drive.plan.config.episode) for drive in (reference, query)]
     if episodes[0].header.town_hash != episodes[1].header.town_hash:
         raise EpisodeError(
             f"{config.query} was driven in another town than {config.reference}; give one of it"
         )
-    shape = len(query_drive.frames), len(reference_drive.frames)
+    shape = len(query.frames), len(reference.frames)
     similarities = {(path.stem, "all"): read_similarity(path, *shape) for path in config.descriptors}
     stage = SensorStage(town_of(episodes[0], config.map), seed=0, weather=weather_of(config.weather))
     pairs = find_pairs(
-        stage.rays(), field_of(reference_drive.sensor), query_drive.frames, reference_drive.frames,
+        stage.rays(), field_of(reference.sensor), query.frames, reference.frames,
         within_m=config.within_m, count=config.rays,
         report=lambda done, total: report(done, total * (1.5 if config.methods else 1.0), "overlap"),
     )  # fmt: skip
     stage.close()
     files = [
-        reference_drive.frames.write(config.out / "reference.csv"),
-        query_drive.frames.write(config.out / "query.csv"),
+        reference.frames.write(config.out / "reference.csv"),
+        query.frames.write(config.out / "query.csv"),
         pairs.write(config.out / "pairs.csv"),
     ]
     for method in config.methods:
-        of_weathers = _run_baseline(method, reference_drive, query_drive, report)
+        of_weathers = _run_baseline(method, reference, query, report)
         for weather, arrays in zip(config.query_weathers, of_weathers, strict=True):
             files.append(_save_arrays(config.out / f"{method}_{Path(weather).stem}.npz", arrays))
             likeness = arrays.get("similarity")
@@ -223,22 +221,15 @@ def compare_places(
     if scores:
         files += [_write_scores(config, scores), _write_curves(config, scores)]
     return PlacesResult(
-        reference=reference_drive.frames,
-        query=query_drive.frames,
-        pairs=pairs,
-        scores=scores,
-        files=tuple(files),
+        reference=reference.frames, query=query.frames, pairs=pairs, scores=scores, files=tuple(files)
     )
 
 
 def _run_baseline(
-    method: str,
-    reference_drive: PlaceDrive,
-    query_drive: PlaceDrive,
-    report: Callable[[float, float, str], None],
+    method: str, reference: PlaceDrive, query: PlaceDrive, report: Callable[[float, float, str], None]
 ) -> list[dict[str, Array]]:
     """Run a baseline; return its arrays for each weather of the queries."""
-    count = len(reference_drive.frames) + len(query_drive.frames)
+    count = len(reference.frames) + len(query.frames)
     done = 2 * count  # overlap takes two steps a frame
 
     def step() -> None:
@@ -247,17 +238,17 @@ def _run_baseline(
         report(done, 3 * count, method)
 
     # Other noise than the reference's, or twins of a LiDAR that sees no weather would be copies.
-    first, then = reference_drive.samples(0, step), query_drive.samples(1, step)
+    first, then = reference.samples(0, step), query.samples(1, step)
     if method == "sift_vlad":
         images = [_grey(row[0]) for row in first]
         vlad = Vlad(images)
-        reference = np.array([vlad.describe(image) for image in images])
+        descriptors = np.array([vlad.describe(image) for image in images])
         rows = [[vlad.describe(_grey(sample)) for sample in row] for row in then]
-        return [{"reference": reference, "query": np.array(of_one)} for of_one in zip(*rows, strict=True)]
-    maps = local_maps([_points(row[0]) for row in first], reference_drive.frames)
+        return [{"reference": descriptors, "query": np.array(of_one)} for of_one in zip(*rows, strict=True)]
+    maps = local_maps([_points(row[0]) for row in first], reference.frames)
     clouds = [[_points(sample) for sample in row] for row in then]
     return [
-        {"similarity": closure_similarity(maps, local_maps(of_one, query_drive.frames))}
+        {"similarity": closure_similarity(maps, local_maps(of_one, query.frames))}
         for of_one in zip(*clouds, strict=True)
     ]
 

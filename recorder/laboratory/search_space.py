@@ -68,11 +68,9 @@ def ranges_of(kinds: tuple[str, ...], *, weather: bool) -> tuple[Range, ...]:
            Range(name="rain_mmph", neutral=0.0, worst=50.0))  # fmt: skip
     ranges = [*(air if weather else ()), Range(name=TRAFFIC, neutral=0.0, worst=1.0)]
     for kind in kinds:
-        for name, quantity in quantities(KINDS[kind]).items():
-            if math.isfinite(quantity.worst) and math.isfinite(quantity.neutral):
-                ranges.append(
-                    Range(name=f"{FAULT}{kind}.{name}", neutral=quantity.neutral, worst=quantity.worst)
-                )
+        for name, fault in quantities(KINDS[kind]).items():
+            if math.isfinite(fault.worst) and math.isfinite(fault.neutral):
+                ranges.append(Range(name=f"{FAULT}{kind}.{name}", neutral=fault.neutral, worst=fault.worst))
     return tuple(ranges)
 
 

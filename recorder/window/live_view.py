@@ -97,12 +97,10 @@ class LiveView:
             return T_world_base @ _placed((1.75, 0.0, 1.45), pitch_rad=0.04)
         heading = math.atan2(T_world_base[1, 0], T_world_base[0, 0])
         # The chase camera swings after the car, as a following eye does.
-        camera_heading_rad = heading if self._heading_rad is None else self._heading_rad
-        camera_heading_rad += math.remainder(heading - camera_heading_rad, 2.0 * math.pi) * (
-            1.0 if view == "above" else _CHASE_TURN
-        )
-        self._heading_rad = camera_heading_rad
-        turn = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.0, camera_heading_rad)), T_world_base[:3, 3])
+        yaw = heading if self._heading_rad is None else self._heading_rad
+        yaw += math.remainder(heading - yaw, 2.0 * math.pi) * (1.0 if view == "above" else _CHASE_TURN)
+        self._heading_rad = yaw
+        turn = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.0, yaw)), T_world_base[:3, 3])
         if view == "chase":
             return turn @ _placed((-5.5, 0.0, 2.9), pitch_rad=0.14)
         return turn @ _placed((6.0, 0.0, 32.0), pitch_rad=math.pi / 2)
