@@ -123,8 +123,6 @@ def test_maps_check_ends_with_1_for_what_hinders_driving(tmp_path: Path, capfd: 
         (["record", "--map", "Tawn03", "--out", "{tmp}/a.mcap"], "did you mean 'Town03'"),
         (["record", "--device", "scriptd", "--out", "{tmp}/a.mcap"], "did you mean 'scripted'"),
         (["record", "--traffic", "dinamic", "--out", "{tmp}/a.mcap"], "did you mean 'dynamic'"),
-        (["replay", "{episode}", "--out", "{tmp}/o", "--rig", "papr"], "did you mean 'paper'"),
-        (["replay", "{episode}", "--out", "{tmp}/o", "--weather", "Clearnoon2"], "did you mean 'ClearNoon'"),
         (["replay", "{episode}", "--out", "{tmp}/o", "--format", "eurok"], "did you mean 'euroc'"),
     ],
 )

@@ -37,11 +37,6 @@ def test_what_is_listed_can_be_named(kind: str, capsys: pytest.CaptureFixture[st
     assert [line.split()[0] for line in lines] == list(names)
 
 
-def test_unknown_kind_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["list", "colours"]) == 2
-    assert "weathers" in capsys.readouterr().err
-
-
 def test_bash_completes_commands_and_options(tmp_path: Path) -> None:
     pytest.importorskip("shtab")
     bash = shutil.which("bash")

@@ -168,13 +168,7 @@ def test_without_a_device_the_error_names_the_next_step(inputs: Inputs) -> None:
         (5, {0: 0.0, 2: 1.0}, (), (0.0, 0.0, 1.0)),
         (6, {0: 0.0, 5: 1.0, 2: -1.0}, (), (0.0, 1.0, 0.0)),
     ],
-    ids=[
-        "no triggers",
-        "on/off triggers",
-        "one trigger axis, right",
-        "one trigger axis, left",
-        "two trigger axes",
-    ],
+    ids=["no triggers", "on/off triggers", "one axis, right", "one axis, left", "two axes"],
 )
 def test_pads_of_any_kind_drive(
     inputs: Inputs, straight_route: Route, plug: Plug, caplog: pytest.LogCaptureFixture,

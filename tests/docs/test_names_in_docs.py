@@ -73,11 +73,12 @@ def repository_paths() -> set[str]:
 
 
 def paths_named(text: str, folders: set[str]) -> Iterator[str]:
-    """Paths in backquotes that look like ours: source files, and folders that begin with one of ours."""
+    """Paths in backquotes that look like ours: source files, and files and folders below one of ours."""
     for word in (
         word for span in spans(text) for word in re.findall(r"(?<![\w<])[\w.-]+(?:/[\w.<>-]+)*", span)
     ):
         is_source = word.endswith((".py", ".glsl", ".jinja")) and not word.startswith((".py", ".glsl"))
+        is_source |= word.startswith(("carlaloc_env/", "recorder/", "docs/", "examples/", "tests/", "maps/"))
         is_folder = "/" in word and word.split("/")[0] in folders and "." not in word
         if "<" not in word and (is_source or is_folder):
             yield word.rstrip("/")
@@ -158,8 +159,6 @@ def test_every_command_has_a_public_function() -> None:
         assert set(functions) <= PUBLIC["recorder"] & used, module.name
 
 
-PLANS = "carlaloc_env.maps.plans"
-"""Plans of towns are written with its modules."""
 SCRIPTS = sorted([*(ROOT / "examples").rglob("*.py"), *(ROOT / "docs" / "tutorials").glob("*.py")])
 
 

@@ -223,7 +223,6 @@ def test_wrong_arguments_name_the_nearest(settings: dict[str, Any], words: str, 
     ("options", "words"),
     [
         ({"rout": "town"}, "did you mean 'route'"),
-        ({"weather": "ClearNon"}, "did you mean 'ClearNoon'"),
         ({"spawn": (0.0, 900.0)}, "off every lane"),
         ({"goal": "home"}, "give a point (x, y)"),
         ({"route": [(float("nan"), 0.0), (1.0, 0.0)]}, "finite"),

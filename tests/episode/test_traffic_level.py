@@ -2,7 +2,6 @@
 
 import pytest
 
-from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.traffic import traffic_config
 from recorder.episode.traffic_level import LEVEL_WORDS, LEVELS, traffic_level
 
@@ -19,8 +18,3 @@ def test_levels_of_drives_and_replays_are_the_same() -> None:
 def test_only_empty_leaves_out_parked_cars(text: str, fraction: float, parked: bool) -> None:
     level = traffic_level(text)
     assert (level.fraction, level.parked_cars) == (fraction, parked)
-
-
-def test_a_misspelt_level_is_answered_with_the_nearest() -> None:
-    with pytest.raises(ConfigError, match="empty"):
-        traffic_level("emtpy")

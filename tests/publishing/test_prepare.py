@@ -112,16 +112,7 @@ def test_missing_packages_are_named_before_the_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(prepare, "find_spec", lambda name: None)
-    words = [
-        "dataset",
-        "--out",
-        str(tmp_path / "data"),
-        "--hub",
-        str(tmp_path / "hub"),
-        "--sample",
-        "1",
-        "--yes",
-    ]
-    assert main(words) == 1
+    words = ["dataset", "--out", str(tmp_path / "data"), "--hub", str(tmp_path / "hub")]
+    assert main([*words, "--sample", "1", "--yes"]) == 1
     assert "--hub needs mlcroissant and pyarrow; pip install 'carlaloc-env[hub]'" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -1,8 +1,7 @@
 """The trajectory picture shows what was measured."""
 
-import builtins
+import sys
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -49,13 +48,6 @@ def test_nothing_to_draw_is_a_named_error(tmp_path: Path) -> None:
 
 
 def test_missing_matplotlib_names_the_install_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = builtins.__import__
-
-    def without_matplotlib(name: str, *rest: Any, **named: Any) -> Any:
-        if name.startswith("matplotlib"):
-            raise ImportError(name)
-        return real(name, *rest, **named)
-
-    monkeypatch.setattr(builtins, "__import__", without_matplotlib)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(MissingDependencyError, match=r'pip install "carlaloc-env\[report\]"'):
         plot_trajectories([result(1.0)], tmp_path / "a.png")

@@ -1,6 +1,5 @@
 """Rigs: YAML there and back, errors that name the next step, spans that lose no sample."""
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig, ReceiverConfig
-from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.sensors.vehicle import SpeedConfig
 
 
@@ -26,11 +24,6 @@ def test_yaml_round_trip(name: str, tmp_path: Path) -> None:
     path.write_text(rig.to_yaml(), encoding="utf-8")
     assert rig_by_name(path) == rig
     assert rig_by_name(str(path)) == rig
-
-
-def test_every_kind_is_in_the_table_under_its_own_name() -> None:
-    assert all(config.kind == kind for kind, config in SENSOR_KINDS.items())
-    assert {"camera", "lidar", "imu", "gnss", "speed"} <= set(SENSOR_KINDS)
 
 
 def test_keys_left_out_keep_their_defaults() -> None:
@@ -90,9 +83,7 @@ def test_mistakes_in_a_file_are_named_in_one_line(text: str, message: str) -> No
     assert "\n" not in str(caught.value)
 
 
-def test_unknown_rig_names_the_nearest() -> None:
-    with pytest.raises(ConfigError, match="did you mean 'paper'"):
-        rig_by_name("papr")
+def test_a_missing_file_is_named() -> None:
     with pytest.raises(ConfigError, match="cannot read"):
         rig_by_name("missing.yaml")
 
@@ -164,16 +155,6 @@ def test_streams_of_one_name_are_refused(scenery: Any) -> None:
     rig = SensorRig(sensors=(ImuConfig(name="a"), SpeedConfig(name="a")))
     with pytest.raises(ConfigError, match="two streams named 'a'"):
         rig.build(scenery.world())
-
-
-def test_configurations_are_frozen_and_slotted() -> None:
-    """A mistyped field must fail, not be ignored."""
-    for config in SENSOR_KINDS.values():
-        assert dataclasses.fields(config)
-        with pytest.raises(TypeError):
-            config(no_such_field=1)  # type: ignore[call-arg]
-    with pytest.raises((dataclasses.FrozenInstanceError, AttributeError, TypeError)):
-        ImuConfig().rate = 3  # type: ignore[attr-defined]
 
 
 def test_a_rig_extends_another_by_what_differs(tmp_path: Path) -> None:

@@ -217,13 +217,9 @@ def command(drive: StraightDrive, rig: Path, out: Path, *words: str) -> list[str
 def test_bad_input_is_one_line(
     straight_drive: StraightDrive, rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    cases = {
-        ("--rerun",): "replay them into a dataset",
-    }
-    for words, expected in cases.items():
-        assert main(command(straight_drive, rig, tmp_path / "out", *words)) != 0, words
-        (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("carlaloc")]
-        assert expected in line, line
+    assert main(command(straight_drive, rig, tmp_path / "out", "--rerun")) != 0
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("carlaloc")]
+    assert "replay them into a dataset" in line
     shutil.copy(straight_drive.episode, tmp_path / "drive.mcap")
     mixed = command(straight_drive, rig, tmp_path / "out")
     assert main([*mixed[:1], str(tmp_path / "drive.mcap"), *mixed[1:]]) != 0

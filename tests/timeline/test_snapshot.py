@@ -55,12 +55,6 @@ def test_it_needs_no_timeline_any_more() -> None:
     assert np.array_equal(copy.actors.position_m, snapshot.actors.position_m)
 
 
-def test_times_that_are_not_known_are_refused() -> None:
-    timeline = drive()
-    with pytest.raises(ValueError, match="outside"):
-        Snapshot.of(timeline, 100 * STEP_NS)
-
-
 def test_indicators_blink_ninety_times_a_minute() -> None:
     lit = np.array([is_blink(k * 1_000_000) for k in range(60_000)])
     assert np.count_nonzero(lit[1:] & ~lit[:-1]) in (89, 90)

@@ -82,12 +82,6 @@ def test_every_mentioned_command_exists(page: Path) -> None:
         assert options <= known
 
 
-def test_the_page_of_commands_lists_every_command() -> None:
-    """The table of commands is complete."""
-    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-    assert tuple(re.findall(r"^\| `carlaloc (\w+)", page, re.MULTILINE)) == COMMANDS
-
-
 def test_readme_is_short() -> None:
     """A stranger reads it in three minutes; tables and details belong to docs."""
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 700

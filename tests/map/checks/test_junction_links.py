@@ -8,8 +8,6 @@ from carlaloc_env.map.checks.report import report
 from carlaloc_env.map.checks.roads import Problem
 from carlaloc_env.map.lanes.build_network import build_network
 
-TWO = lane(-1) + lane(-2)
-
 
 def problems(text: str) -> list[Problem]:
     network = build_network(text.encode())

@@ -25,7 +25,6 @@ def broken(old: str, new: str) -> bytes:
     [
         ('a="3.5"', 'a="wide"', ["a='wide'", "write a number", "lane 1", "road 1"]),
         ('a="3.5"', 'a="nan"', ["finite"]),
-        ('a="3.5"', 'a="1e999"', ["finite"]),
         ('hdg="0.0"', 'hdg="-inf"', ["finite", "<geometry>", "road 1"]),
         ('x="12.0"', 'x="2e8"', ["1e+08", "road 1"]),
         ('x="12.0"', "", ["no attribute 'x'", "<geometry>"]),
@@ -79,19 +78,7 @@ def test_lines_beyond_65535_are_right() -> None:
 
 
 @pytest.mark.parametrize(
-    "data",
-    [
-        b"",
-        b"not xml",
-        b"<OpenDRIVE",
-        b"<OpenDRIVE></OpenDRIVE>",
-        b"<osm/>",
-        b"\xff\xfe<\x00O\x00",
-        b"\x00" * 100,
-        TEXT.encode()[:1500],
-        b'<?xml version="1.0" encoding="no-such"?><OpenDRIVE/>',
-        b"<a>" * 100_000,
-    ],
+    "data", [b"", b"not xml", b"<OpenDRIVE/>", b"<osm/>", TEXT.encode()[:1500], b"<a>" * 100_000]
 )
 def test_no_map_at_all(data: bytes) -> None:
     with pytest.raises(MapError) as caught:

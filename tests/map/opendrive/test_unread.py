@@ -19,7 +19,6 @@ SURFACE = '<surface><CRG file="a.crg" sStart="0" sEnd="9" orientation="same" mod
 GRID = (
     '<elevationGrid gridSpacing="10" sStart="0"><elevation left="0" center="0.5" right="0"/></elevationGrid>'
 )
-SLOPE = '<superelevation s="0" a="0" b="0" c="0" d="0"/>'
 
 
 def notes(text: str, element: str) -> list[Note]:

@@ -18,16 +18,6 @@ from carlaloc_env.town.town import Town
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
 
 
-@pytest.fixture(scope="module")
-def town(town03: Town) -> Town:
-    return town03
-
-
-@pytest.fixture(scope="module")
-def mesh(town03_mesh: Mesh) -> Mesh:
-    return town03_mesh
-
-
 def _scene(vertices: Array, triangles: NDArray[np.integer]) -> o3d.t.geometry.RaycastingScene:
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(
@@ -72,64 +62,68 @@ def _lane_points(town: Town, kinds: tuple[str, ...], count: int, *, junctions: b
     return surface.position(edges.road[index], s, t)
 
 
-def test_road_is_within_one_centimetre_of_the_analytic_surface(town: Town, mesh: Mesh) -> None:
-    points = _lane_points(town, ("driving",), 20000, junctions=False)
-    error = np.abs(_drop(_only(mesh, Tag.ROAD), points) - points[:, 2])
+def test_road_is_within_one_centimetre_of_the_analytic_surface(town03: Town, town03_mesh: Mesh) -> None:
+    points = _lane_points(town03, ("driving",), 20000, junctions=False)
+    error = np.abs(_drop(_only(town03_mesh, Tag.ROAD), points) - points[:, 2])
     assert np.isfinite(error).all()
     assert error.max() < 0.01
 
 
-def test_junctions_are_within_one_centimetre_of_their_connecting_roads(town: Town, mesh: Mesh) -> None:
-    points = _lane_points(town, ("driving",), 20000, junctions=True)
-    error = np.abs(_drop(_only(mesh, Tag.ROAD), points) - points[:, 2])
+def test_junctions_are_within_one_centimetre_of_their_connecting_roads(
+    town03: Town, town03_mesh: Mesh
+) -> None:
+    points = _lane_points(town03, ("driving",), 20000, junctions=True)
+    error = np.abs(_drop(_only(town03_mesh, Tag.ROAD), points) - points[:, 2])
     assert np.isfinite(error).all()
     assert np.quantile(error, 0.999) < 0.01
     assert error.max() < 0.03
 
 
-def test_wheels_meet_the_same_surface(town: Town) -> None:
-    scene = _scene(town.outline.collision_vertices_m, town.outline.collision_triangles)
+def test_wheels_meet_the_same_surface(town03: Town) -> None:
+    scene = _scene(town03.outline.collision_vertices_m, town03.outline.collision_triangles)
     for junctions in (False, True):
-        points = _lane_points(town, ("driving",), 10000, junctions=junctions)
+        points = _lane_points(town03, ("driving",), 10000, junctions=junctions)
         error = np.abs(_drop(scene, points) - points[:, 2])
         assert np.isfinite(error).all()
         assert np.quantile(error, 0.999) < 0.01
 
 
-def test_markings_lie_on_the_road(mesh: Mesh) -> None:
-    paint = mesh.triangles[mesh.tag[mesh.triangles[:, 0]] == Tag.ROAD_LINE]
-    corners = mesh.vertices_m[paint].astype(np.float64)
+def test_markings_lie_on_the_road(town03_mesh: Mesh) -> None:
+    paint = town03_mesh.triangles[town03_mesh.tag[town03_mesh.triangles[:, 0]] == Tag.ROAD_LINE]
+    corners = town03_mesh.vertices_m[paint].astype(np.float64)
     inside = np.array([0.5, 0.3, 0.2]) @ corners
-    height = inside[:, 2] - _drop(_only(mesh, Tag.ROAD, Tag.SIDEWALK), inside, above_m=0.5)
+    height = inside[:, 2] - _drop(_only(town03_mesh, Tag.ROAD, Tag.SIDEWALK), inside, above_m=0.5)
     assert np.isfinite(height).mean() > 0.999
     height = height[np.isfinite(height)]
     assert np.quantile(height, 0.001) > 0.002
     assert np.quantile(height, 0.999) < 0.008
 
 
-def test_sidewalks_stand_one_kerb_above_the_road(town: Town, mesh: Mesh) -> None:
+def test_sidewalks_stand_one_kerb_above_the_road(town03: Town, town03_mesh: Mesh) -> None:
     """The map says 0.15 m; before crosswalks kerbs are dropped."""
-    points = _lane_points(town, ("sidewalk",), 5000, junctions=False)
-    walks = shapely.union_all([shapely.Polygon(walk.polygon_m[:, :2]) for walk in town.network.crosswalks])
+    points = _lane_points(town03, ("sidewalk",), 5000, junctions=False)
+    walks = shapely.union_all([shapely.Polygon(walk.polygon_m[:, :2]) for walk in town03.network.crosswalks])
     points = points[shapely.distance(walks, shapely.points(points[:, :2])) > RAMP_M + KERB_STONE_M]
     assert len(points) > 4000
-    top = _drop(_only(mesh, Tag.SIDEWALK), points)
+    top = _drop(_only(town03_mesh, Tag.SIDEWALK), points)
     assert np.isfinite(top).all()
     np.testing.assert_allclose(top - points[:, 2], 0.15, atol=0.01)
 
 
-def test_no_kerb_stands_in_a_lane(town: Town, mesh: Mesh) -> None:
+def test_no_kerb_stands_in_a_lane(town03: Town, town03_mesh: Mesh) -> None:
     for junctions in (False, True):
-        points = _lane_points(town, ("driving",), 10000, junctions=junctions)
-        top = _drop(_only(mesh, Tag.SIDEWALK, Tag.TERRAIN, Tag.GROUND), points, above_m=0.6)
+        points = _lane_points(town03, ("driving",), 10000, junctions=junctions)
+        top = _drop(_only(town03_mesh, Tag.SIDEWALK, Tag.TERRAIN, Tag.GROUND), points, above_m=0.6)
         over = np.nan_to_num(top - points[:, 2], nan=-1.0)
         assert (over > 0.02).mean() < 1e-3
 
 
-def test_vehicles_have_room_above_every_lane(town: Town, mesh: Mesh) -> None:
-    solid = _only(mesh, Tag.BRIDGE, Tag.WALL, Tag.BUILDING, Tag.TERRAIN, Tag.GROUND, Tag.ROAD, Tag.SIDEWALK)
+def test_vehicles_have_room_above_every_lane(town03: Town, town03_mesh: Mesh) -> None:
+    solid = _only(
+        town03_mesh, Tag.BRIDGE, Tag.WALL, Tag.BUILDING, Tag.TERRAIN, Tag.GROUND, Tag.ROAD, Tag.SIDEWALK
+    )
     for junctions in (False, True):
-        points = _lane_points(town, ("driving",), 10000, junctions=junctions)
+        points = _lane_points(town03, ("driving",), 10000, junctions=junctions)
         rays = np.concatenate(
             [points + np.array([0.0, 0.0, 0.2]), np.tile([0.0, 0.0, 1.0], (len(points), 1))], axis=1
         )
@@ -137,8 +131,8 @@ def test_vehicles_have_room_above_every_lane(town: Town, mesh: Mesh) -> None:
         assert free.min() > 4.5
 
 
-def test_the_boulevard_dives_under_a_roof(town: Town) -> None:
-    strips = road_strips(town.network.xodr.roads, town.network.surface)
+def test_the_boulevard_dives_under_a_roof(town03: Town) -> None:
+    strips = road_strips(town03.network.xodr.roads, town03.network.surface)
     levels = find_levels(strips, np.full(2, -300.0), np.full(2, 300.0), Zones())
     assert len(levels.stretches) == 1
     stretch = levels.stretches[0]
@@ -146,7 +140,9 @@ def test_the_boulevard_dives_under_a_roof(town: Town) -> None:
     assert (stretch.left_top_m - stretch.left_m)[:, 2].max() > 5.5
 
 
-def test_the_surface_looks_up(mesh: Mesh) -> None:
-    triangles = mesh.triangles[np.isin(mesh.tag[mesh.triangles[:, 0]], (Tag.ROAD, Tag.ROAD_LINE))]
-    a, b, c = (mesh.vertices_m[triangles[:, k]].astype(np.float64) for k in range(3))
+def test_the_surface_looks_up(town03_mesh: Mesh) -> None:
+    triangles = town03_mesh.triangles[
+        np.isin(town03_mesh.tag[town03_mesh.triangles[:, 0]], (Tag.ROAD, Tag.ROAD_LINE))
+    ]
+    a, b, c = (town03_mesh.vertices_m[triangles[:, k]].astype(np.float64) for k in range(3))
     assert (np.cross(b - a, c - a)[:, 2] > -1e-6).all()

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
@@ -265,16 +264,3 @@ def test_leaves_sway_in_the_wind_of_the_camera(wall: Any, scenery: Any) -> None:
     world.renderer().close()
     assert moved[0] == 0.0
     assert 0.01 < moved[1] <= 2 * 0.012 * 12.0
-
-
-def test_wrong_configurations_are_refused() -> None:
-    with pytest.raises(ConfigError, match="leaf_wind_mps"):
-        CameraConfig(leaf_wind_mps=80.0)
-    with pytest.raises(ConfigError, match="needs an imager"):
-        CameraConfig(shutter=ShutterConfig())
-    with pytest.raises(ConfigError, match="exposure_min_ms"):
-        ImagerConfig(exposure_min_ms=0.0)
-    with pytest.raises(ConfigError, match="adc_bits"):
-        ImagerConfig(adc_bits=4)
-    with pytest.raises(ConfigError, match="readout_ms"):
-        ShutterConfig(readout_ms=-1.0)

@@ -21,7 +21,6 @@ from carlaloc_env.sensors.camera_config import CameraConfig, EventConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.presets import PRESETS
 
@@ -33,31 +32,26 @@ CARS = ("saloon", "van", "bus", "saloon")
 
 
 @pytest.fixture(scope="module")
-def town() -> Town:
-    return load_town("Town03")
-
-
-@pytest.fixture(scope="module")
-def stage(town: Town) -> Iterator[SensorStage]:
+def stage(town03: Town) -> Iterator[SensorStage]:
     pytest.importorskip("open3d", reason="open3d is not installed")
     need_opengl()
-    stage = SensorStage(town, seed=5, weather=PRESETS["ClearNoon"])
+    stage = SensorStage(town03, seed=5, weather=PRESETS["ClearNoon"])
     stage.renderer()
     yield stage
     stage.close()
 
 
 @pytest.fixture(scope="module")
-def drive(town: Town) -> Timeline:
+def drive(town03: Town) -> Timeline:
     """At 10 m/s along the route, with cars before and beside that keep their distance."""
     ticks = np.arange(int(15.2 / TICK_S))
-    way = town.route.at(60.0 + SPEED_MPS * TICK_S * ticks)
+    way = town03.route.at(60.0 + SPEED_MPS * TICK_S * ticks)
     quat = transforms.rpy_to_quat(np.zeros(len(ticks)), -way.pitch_rad, way.heading_rad)
     catalog = Scenery.catalog(CARS, [Tag.CAR, Tag.CAR, Tag.BUS, Tag.CAR], tint=160)
     timeline = Timeline(catalog, ego=EgoTrack.from_arrays(way.position_m, quat))
     ahead, left = np.array([12.0, 25.0, 45.0, 16.0]), np.array([0.0, -1.0, 0.5, 3.6])
     for step in range(len(ticks) // 10 + 1):
-        at = town.route.at(60.0 + SPEED_MPS * 0.05 * step + ahead)
+        at = town03.route.at(60.0 + SPEED_MPS * 0.05 * step + ahead)
         aside = np.stack([-np.sin(at.heading_rad), np.cos(at.heading_rad), 0 * left], -1)
         timeline.append_step(
             Scenery.frame(

@@ -8,7 +8,6 @@ import pytest
 from shared_fixtures.worlds.render_scenes import need_opengl
 
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.envs.observer import Observer
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
@@ -156,16 +155,3 @@ def test_left_and_right_have_thresholds_of_their_own(street: Any, scenery: Any) 
     )
     assert not np.array_equal(one.events, two.events)  # type: ignore[attr-defined]
     assert len(one.events) == pytest.approx(len(two.events), rel=0.2)  # type: ignore[attr-defined]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"threshold_on": 0.0}, "at least 0.01"),
-        ({"shot_hz": -1.0}, "must not be negative"),
-        ({"restart_s": 0.0}, "above zero"),
-    ],
-)
-def test_wrong_configurations_are_refused(wrong: dict[str, float], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        EventConfig(**wrong)  # type: ignore[arg-type]

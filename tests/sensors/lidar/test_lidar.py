@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from shared_fixtures.readings.lidar_scans import HDL32E, HEIGHT, paper, sweep
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE
@@ -150,20 +149,3 @@ def test_roof_shadows_the_ground(scenery: Any, box_range: Callable[..., Array]) 
     assert labels.instance is not None
     mine = labels.instance == EGO_INSTANCE
     assert np.abs(own.points_xyz_m[mine, 2].max() - (1.45 - HEIGHT)) < 1e-5
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"columns": 0}, "columns"),
-        ({"range_max_m": 0.5}, "range_min_m"),
-        ({"elevations_deg": (3.0, -3.0)}, "lowest"),
-        ({"elevations_deg": ()}, "elevations"),
-        ({"firing_ns": (0, 1)}, "firing_ns"),
-        ({"outputs": ("clouds",)}, "cloud"),
-        ({"rate_hz": 30}, "divide"),
-    ],
-)
-def test_wrong_configurations_are_refused(wrong: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        paper(**wrong)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.lidar_weather import HEIGHT, model, ranges, semantic
 
-from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at
@@ -99,17 +98,3 @@ def test_a_wide_beam_mixes_at_edges_and_nowhere_else(scenery: Any) -> None:
     sharp = semantic(scenery.world([wall, post]), drive, model(weather=False), PRESETS["ClearNoon"])
     sx = sharp.points_xyz_m[:, 0] + 1.2
     assert not np.any((sx > 19.66) & (sx < 19.95) & (np.abs(sharp.points_xyz_m[:, 1]) < 10))
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"sectors": -1}, "sectors"),
-        ({"dropoff_general": 1.5}, "drop-off"),
-        ({"dropoff_intensity_limit": 0.0}, "drop-off"),
-        ({"divergence_mrad": -1.0}, "divergence"),
-    ],
-)
-def test_wrong_options_are_refused(wrong: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        model(**wrong)

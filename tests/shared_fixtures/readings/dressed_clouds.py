@@ -32,10 +32,8 @@ _LIVOX_CLOUD = (
 class Dressing:
     """How a driver puts points into a message."""
 
-    xyz: str = "f4"
-    """NumPy type of the coordinates, as of all fields below."""
     ring: tuple[str, str] | None = ("ring", "u2")
-    """Name and type."""
+    """Name and NumPy type."""
     time: tuple[str, str] | None = ("time", "f4")
     """Name and type."""
     unit_ns: int = 1_000_000_000
@@ -46,8 +44,6 @@ class Dressing:
     """Zero of the times in Unix time; None: the header's stamp."""
     order: str = "<"
     height: int = 1
-    pad: int = 0
-    """Bytes behind each point."""
     row_pad: int = 0
     """Bytes behind each row."""
     no_return: bool = False
@@ -61,7 +57,7 @@ def dressed(store: Any, number: int, dressing: Dressing) -> Any:
     header_ns = begin_ns + dressing.header_ns
     zero_ns = header_ns if dressing.zero_ns is None else dressing.zero_ns
     columns: list[tuple[str, str, Any]] = [
-        (axis, dressing.xyz, cloud.points_xyz_m[:, k]) for k, axis in enumerate("xyz")
+        (axis, "f4", cloud.points_xyz_m[:, k]) for k, axis in enumerate("xyz")
     ]
     columns.append(("intensity", "f4", cloud.intensity))
     if dressing.ring is not None:
@@ -71,8 +67,7 @@ def dressed(store: Any, number: int, dressing: Dressing) -> Any:
         whole = dressing.time[1][0] in "iu"
         columns.append((*dressing.time, raw // dressing.unit_ns if whole else raw / dressing.unit_ns))
     layout = [(name, dressing.order + code) for name, code, _ in columns]
-    kind = np.dtype([*layout, ("pad", f"V{dressing.pad}")])
-    rows = np.zeros(len(cloud.points_xyz_m), kind)
+    rows = np.zeros(len(cloud.points_xyz_m), layout)
     for name, _, values in columns:
         rows[name] = values
     if dressing.no_return:

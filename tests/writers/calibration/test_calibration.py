@@ -58,20 +58,6 @@ def load(path: Path) -> Any:
     return yaml.safe_load(path.read_text())
 
 
-def test_files(folder: Path) -> None:
-    names = sorted(str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file())
-    assert names == [
-        "a_loam.launch", "basalt.json", "extrinsics.yaml", "fast_lio.launch", "fast_lio.yaml",
-        "kalibr/camchain-imucam.yaml", "kalibr/imu.yaml", "kiss_icp.yaml", "lego_loam.launch",
-        "lego_loam.md", "lio_sam.yaml", "open_vins/estimator_config.yaml",
-        "open_vins/kalibr_imu_chain.yaml", "open_vins/kalibr_imucam_chain.yaml",
-        "open_vins/open_vins.launch", "orbslam3_stereo.yaml", "orbslam3_stereo_inertial.yaml",
-        "rko_lio.yaml", "s_msckf/camchain-imucam.yaml", "s_msckf/s_msckf.launch", "vins_fusion/cam0.yaml",
-        "vins_fusion/cam1.yaml", "vins_fusion/stereo.launch", "vins_fusion/stereo.yaml",
-        "vins_fusion/stereo_inertial.launch", "vins_fusion/stereo_inertial.yaml",
-    ]  # fmt: skip
-
-
 def test_a_point_seen_through_every_file(folder: Path) -> None:
     """One world of points, taken from the IMU frame to both cameras by each program's own matrices.
 

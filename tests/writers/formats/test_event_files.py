@@ -66,12 +66,6 @@ def test_dsec_milliseconds_point_at_their_first_event(tmp_path: Path) -> None:
         assert np.all(t[first:] >= 1000 * ms)
 
 
-def test_dsec_files_are_the_same_bytes(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    assert write(tmp_path / "a").read_bytes() == write(tmp_path / "b").read_bytes()
-
-
 def test_bag_holds_dvs_msgs_event_arrays(tmp_path: Path) -> None:
     writer = Rosbag1Writer(tmp_path / "e.bag", Ros1Encoder(RigCalibration(), profile="full"))
     path = write_all(writer, BATCHES)

@@ -74,9 +74,3 @@ def test_events(tmp_path: Path) -> None:
     found = np.load(path_of(tmp_path / "raw", sample, ".npz"))
     assert np.array_equal(found["events"], rows)
     assert (int(found["width_px"]), int(found["period_ns"])) == (9, 10)
-
-
-def test_the_same_samples_give_the_same_bytes(folder: Path, tmp_path: Path) -> None:
-    write_all(RawWriter(tmp_path / "raw", RawEncoder()), SAMPLES)
-    for path in sorted(folder.rglob("*.*")):
-        assert path.read_bytes() == (tmp_path / "raw" / path.relative_to(folder)).read_bytes()
