@@ -1,6 +1,5 @@
 """Findings: ratios of the paper's own tables, what is said of ours, and the page they are put into."""
 
-import importlib.util
 import re
 import sys
 from collections.abc import Sequence
@@ -9,20 +8,17 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from shared_fixtures.processes.checkout import ROOT, script
 
 from carlaloc_env.core.errors import EvaluationError
 from recorder.benchmark.cells import cells, ratios
 from recorder.benchmark.score import Score
 from recorder.benchmark.tables import csv_text, failure_table, frame_of
 
-SCRIPT = Path(__file__).parents[2] / "docs" / "findings" / "findings.py"
-spec = importlib.util.spec_from_file_location("findings", SCRIPT)
-assert spec is not None
-assert spec.loader is not None
-findings = importlib.util.module_from_spec(spec)
-sys.path.insert(0, str(SCRIPT.parent))
-spec.loader.exec_module(findings)
-sys.path.remove(str(SCRIPT.parent))
+FOLDER = str(ROOT / "docs" / "findings")
+sys.path.insert(0, FOLDER)
+findings = script("docs/findings/findings.py")
+sys.path.remove(FOLDER)
 paper = sys.modules["paper_findings"]
 
 
@@ -178,7 +174,7 @@ def test_failures_are_counted_by_condition_each_reason_once() -> None:
 
 
 def test_the_pages_hold_what_the_kept_results_give() -> None:
-    docs = SCRIPT.parents[1]
+    docs = ROOT / "docs"
     page = (docs / findings.PAGE).read_text(encoding="utf-8")
     (command,) = re.findall(r"`python docs/findings/findings\.py((?: docs/findings/\w+)+)`", page)
     runs = findings.read_results([docs.parent / folder / "results.csv" for folder in command.split()])

@@ -1,21 +1,14 @@
 """Drifts and rankings beside the road's: tau by hand, what of a benchmark is read, and the kept page."""
 
-import importlib.util
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from shared_fixtures.processes.checkout import script
 
-SCRIPT = Path(__file__).parents[2] / "docs" / "findings" / "road" / "road.py"
-spec = importlib.util.spec_from_file_location("road", SCRIPT)
-assert spec is not None
-assert spec.loader is not None
-road = importlib.util.module_from_spec(spec)
-sys.modules["road"] = road
-spec.loader.exec_module(road)
+road = script("docs/findings/road/road.py")
 
 
 @pytest.mark.parametrize(
@@ -98,7 +91,7 @@ def test_drifts_are_compared_in_one_metric_and_rankings_in_towns_that_all_have(t
 
 
 def test_each_published_number_has_its_source() -> None:
-    table = pd.read_csv(SCRIPT.parent / "published.csv")
+    table = pd.read_csv(road.HERE / "published.csv")
     assert table["source"].str.startswith("https://").all()
     assert table.notna()[["dataset", "study", "system", "ours", "metric", "value", "unit"]].all(axis=None)
     assert set(table["metric"]) == set(road.OURS_OF)

@@ -1,14 +1,13 @@
 """Docs agree with the code: generated pages, tables, links, versions, units in docstrings."""
 
 import dataclasses
-import importlib.util
 import re
 from importlib.metadata import version
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
+from shared_fixtures.processes.checkout import ROOT, script
 
 import carlaloc_env
 from carlaloc_env.core.camera_model import Pinhole
@@ -37,7 +36,7 @@ from recorder.evaluation.align import Alignment
 from recorder.replaying.replay import ReplayConfig
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
-ROOT = Path(__file__).parents[2]
+MAKE_SENSORS = "docs/scripts/make_sensors.py"
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 SECTIONS = {
     "[geo]": GeoReference,
@@ -50,16 +49,6 @@ SECTIONS = {
 }
 
 
-def generator(name: str) -> ModuleType:
-    """A script of docs/ as a module."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "scripts" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def text_of(name: str) -> str:
     """Text of a page of docs/."""
     return (ROOT / "docs" / name).read_text(encoding="utf-8")
@@ -68,7 +57,7 @@ def text_of(name: str) -> str:
 @pytest.mark.parametrize("name", ["make_environments", "make_faults", "make_sensors", "make_topics"])
 def test_generated_pages_are_up_to_date(name: str) -> None:
     """The page is what its script writes today."""
-    module = generator(name)
+    module = script(f"docs/scripts/{name}.py")
     assert module.PAGE.read_text(encoding="utf-8") == module.page(), f"run `python docs/scripts/{name}.py`"
 
 
@@ -178,14 +167,14 @@ MEASURE = re.compile(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ")
 """A unit in brackets, a shape, or a value and what it stands for."""
 DOCUMENTED: list[type[Any]] = [
     Mount, Pinhole, WeatherParameters, TrafficLevel, RecordConfig, ReplayConfig, RouteConfig, SignalTiming,
-    *SENSOR_KINDS.values(), *generator("make_sensors").sample_classes(),
+    *SENSOR_KINDS.values(), *script(MAKE_SENSORS).sample_classes(),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("cls", DOCUMENTED, ids=lambda cls: cls.__name__)
 def test_every_field_has_a_meaning_and_a_unit_or_shape(cls: type[Any]) -> None:
     """A docstring for every field, with a unit in brackets, a shape or a range unless it plainly has none."""
-    for name, doc in generator("make_sensors").field_docs(cls).items():
+    for name, doc in script(MAKE_SENSORS).field_docs(cls).items():
         assert doc.endswith((".", ".)")), f"{cls.__name__}.{name} has no sentence"
         if name not in UNITLESS:
             assert MEASURE.search(doc), f"{cls.__name__}.{name}: {doc}"
@@ -196,7 +185,7 @@ def test_units_in_names_are_those_in_docstrings(cls: type[Any]) -> None:
     """A field called `…_m` is in metres in its docstring too."""
     units = {"_m": "[m", "_deg": "[deg]", "_hz": "[Hz]", "_ns": "[ns]", "_mps": "[m/s]", "_px": "[px]"}
     units |= {"_radps": "[rad/s]", "_mps2": "[m/s²]", "_per_m": "[1/m]", "_m2": "[m²]", "_s": "[s]"}
-    for name, doc in generator("make_sensors").field_docs(cls).items():
+    for name, doc in script(MAKE_SENSORS).field_docs(cls).items():
         fitting = [unit for ending, unit in units.items() if name.endswith(ending)]
         # The longest ending counts: `_per_m` before `_m`.
         if fitting:

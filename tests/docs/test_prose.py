@@ -1,6 +1,5 @@
 """Checks of sentences, commit subjects and lines of code; help and public docstrings keep the rules, too."""
 
-import importlib.util
 import inspect
 import re
 import subprocess
@@ -9,27 +8,16 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from shared_fixtures.processes.checkout import ROOT, script
 from shared_fixtures.processes.commands import all_commands
 
 import carlaloc_env
 import recorder
 
-CHECKS = Path(__file__).parents[2] / ".ci"
-
-
-def check(name: str) -> ModuleType:
-    """A script of `.ci/` as a module."""
-    spec = importlib.util.spec_from_file_location(name, CHECKS / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
 
 @pytest.fixture(scope="module")
 def prose() -> ModuleType:
-    return check("prose")
+    return script(".ci/prose.py")
 
 
 @pytest.mark.parametrize(
@@ -129,7 +117,9 @@ def test_commit_subjects(subject: str, fault: str, tmp_path: Path) -> None:
     """A hook runs the script on the file of the message, in which git writes comments, too."""
     message = tmp_path / "COMMIT_EDITMSG"
     message.write_text(f"# A comment.\n{subject}\n\nThe body is free. It has any length." + " word" * 20)
-    done = subprocess.run([CHECKS / "commit-subject", message], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [ROOT / ".ci" / "commit-subject", message], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stdout) == (int(bool(fault)), "")
     assert fault in done.stderr
     assert len(done.stderr.splitlines()) == int(bool(fault))
@@ -139,4 +129,4 @@ def test_lines_of_code_are_counted() -> None:
     """Neither docstrings, comments, blanks nor imports count; every line of a longer statement does."""
     source = "'''Docstring\nin two lines.'''\n\nfrom math import (\n    pi,\n)\n\n"
     source += "text = '''a string\nof two lines''' + str(  # Comment.\n    pi\n)\n"
-    assert check("code_lines").code_lines(source) == 4
+    assert script(".ci/code_lines.py").code_lines(source) == 4

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from shared_fixtures.processes.checkout import run_pip
 
 OTHER = {"pybullet": "pybullet-arm64", "pybullet-arm64": "pybullet"}
 """The build that is not installed, by the one that is."""
@@ -19,18 +20,8 @@ def other_build(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the build of PyBullet that this environment has not, or a skip."""
     here = next(name for name in OTHER if _installed(name))
     folder = tmp_path_factory.mktemp("other")
-    words = (
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--no-deps",
-        "--only-binary",
-        ":all:",
-        "--target",
-        str(folder),
-    )
-    done = subprocess.run([sys.executable, *words, OTHER[here]], capture_output=True, text=True, check=False)
+    words = ("install", "--no-deps", "--only-binary", ":all:", "--target", str(folder), OTHER[here])
+    done = run_pip(*words)
     if done.returncode:
         pytest.skip(f"pip finds no wheel of {OTHER[here]} for this Python")
     return folder

@@ -1,14 +1,27 @@
-"""A copy of the checkout for tests that install it, and pip, which may lack an index."""
+"""Scripts of the checkout as modules, a copy of it for tests that install it, and pip."""
 
+import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 ROOT = Path(__file__).parents[3]
+
+
+def script(path: str) -> ModuleType:
+    """A Python file of the checkout as a module."""
+    name = Path(path).stem
+    spec = importlib.util.spec_from_file_location(name, ROOT / path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def copy_of_checkout(folder: Path) -> Path:
