@@ -276,3 +276,17 @@ def test_result_is_labelled() -> None:
     assert mapping["association"] == "nearest in time"
     assert "world-frame" in mapping["metrics"]["rpe_paper"]["label"]
     assert mapping["metrics"]["ape_rotation"]["unit"] == "deg"
+
+
+def test_causes_are_named_on_long_drives_too() -> None:
+    """Where only every third pair is looked at: a rotation of 10° between the frames."""
+    truth = drive(30_000)
+    turn = np.tile(transforms.rpy_to_quat(np.radians(10.0), 0.0, 0.0), (len(truth), 1))
+    estimate = Trajectory(
+        stamp_ns=truth.stamp_ns,
+        position_m=truth.position_m + np.random.default_rng(1).normal(0.0, 0.02, truth.position_m.shape),
+        quat_xyzw=transforms.quat_multiply(truth.quat_xyzw, turn),
+        name="turned",
+    )
+    (line,) = evaluate(truth, estimate).findings
+    assert "a constant rotation of 10.0°" in line
