@@ -45,14 +45,14 @@ def episode(gains, steps=160):
 # %%
 rng = np.random.default_rng(0)
 gains = np.array([0.2, 0.1, 0.2])
-best, way_m = episode(gains)
-print(f"at first      reward {best:6.2f}   {way_m:5.1f} m")
+best, distance_m = episode(gains)
+print(f"at first      reward {best:6.2f}   {distance_m:5.1f} m")
 for trial in range(40):
     changed = gains * np.exp(0.5 * rng.normal(size=3))
-    earned, way_m = episode(changed)
+    earned, distance_m = episode(changed)
     if earned > best:
         best, gains = earned, changed
-        print(f"trial {trial:>2}      reward {best:6.2f}   {way_m:5.1f} m   gains {gains.round(2)}")
+        print(f"trial {trial:>2}      reward {best:6.2f}   {distance_m:5.1f} m   gains {gains.round(2)}")
 env.close()
 
 # %% [markdown]

@@ -125,14 +125,16 @@ def _section(
     """Values of a sequence for the page's template."""
     start_ns = min(int(errors.stamp_ns[0]) for _, errors in runs)
     longest = max((errors for _, errors in runs), key=lambda errors: len(errors.stamp_ns))
-    way_s, way_m = (longest.stamp_ns - start_ns) * 1e-9, longest.way_m
+    elapsed_s, distance_m = (longest.stamp_ns - start_ns) * 1e-9, longest.distance_m
     above, over_time, over_way = [], [], []
     for job, errors in runs:
         line = partial(Line, label=errors.name, colour=colour[job.system.name], dashed=job.cloud != RAW)
         seconds = np.asarray((errors.stamp_ns - start_ns) * 1e-9, np.float64)
         above.append(line(x=errors.estimate_m[:, 0], y=errors.estimate_m[:, 1]))
         over_time.append(line(x=seconds, y=errors.error_m))
-        over_way.append(line(x=np.asarray(np.interp(seconds, way_s, way_m), np.float64), y=errors.error_m))
+        over_way.append(
+            line(x=np.asarray(np.interp(seconds, elapsed_s, distance_m), np.float64), y=errors.error_m)
+        )
     peaks_s = [float(line.x[np.argmax(line.y)]) for line in over_time]
     stills = _stills(sequence, start_ns, peaks_s)
     lanes_m = [line[::4, :2] for line in lane_lines_of(sequence.town)]
@@ -141,11 +143,13 @@ def _section(
         "name": name,
         "title": f"{sequence.town} {sequence.weather} {sequence.traffic}",
         "lines": above,
-        "facts": f"{way_m[-1]:.0f} m, {way_s[-1] - way_s[0]:.0f} s, movers {sequence.movers:.1%}",
+        "facts": f"{distance_m[-1]:.0f} m, {np.ptp(elapsed_s):.0f} s, movers {sequence.movers:.1%}",
         "map": map_plot(longest.truth_m[:, :2], above, lanes_m),
         "over_time": curve_plot(over_time, "time [s]", error, name=name),
         "over_way": curve_plot(over_way, "distance [m]", error, name=name, axis=1),
-        "stills": [[round(t, 2), round(float(np.interp(t, way_s, way_m)), 1), uri] for t, uri in stills],
+        "stills": [
+            [round(t, 2), round(float(np.interp(t, elapsed_s, distance_m)), 1), uri] for t, uri in stills
+        ],
     }
 
 

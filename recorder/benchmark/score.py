@@ -26,7 +26,7 @@ ERRORS = "errors.npz"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """One run in figures; NaN where there is none."""
+    """Metrics of one run; NaN where there is none."""
 
     dataset: str
     town: str

@@ -35,7 +35,7 @@ _TEX = {sign: f"\\{sign}" for sign in "&%$#_{}"} | {"\\": r"\textbackslash{}", "
 
 
 def frame_of(scores: Sequence[Score]) -> pd.DataFrame:
-    """A row for each run with all of its figures."""
+    """A row for each run with all of its metrics."""
     columns = [field.name for field in fields(Score)]
     return pd.DataFrame([asdict(score) for score in scores], columns=columns)
 
@@ -64,7 +64,7 @@ def write_tables(runs: pd.DataFrame, tables: Tables, out: Path) -> list[Path]:
 
 
 def csv_text(runs: pd.DataFrame) -> str:
-    """A line for each run with all of its figures."""
+    """A line for each run with all of its metrics."""
     text: str = runs.assign(failed=runs["failed"].fillna("")).to_csv(index=False, na_rep="nan")
     return text
 

@@ -47,7 +47,7 @@ class PathErrors:
         )
 
     @property
-    def way_m(self) -> Array:
+    def distance_m(self) -> Array:
         """Distance travelled since the first pose [m], shape (N,)."""
         steps = np.linalg.norm(np.diff(self.truth_m, axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])

@@ -129,10 +129,10 @@ class MapJudge:
         town = town_of(episode, config.map)
         town = town if level.parked_cars else without_movables(town)
         stamps = np.arange(self._span_ns[0], self._span_ns[1] + 1, STEP_NS)
-        way_m = self._timeline.ego.motion(stamps).position_m
-        covered_m = np.append(0.0, np.cumsum(np.sqrt(np.sum(np.diff(way_m, axis=0) ** 2, axis=1))))
+        path_m = self._timeline.ego.motion(stamps).position_m
+        covered_m = np.append(0.0, np.cumsum(np.sqrt(np.sum(np.diff(path_m, axis=0) ** 2, axis=1))))
         looks = np.unique(covered_m // config.look_every_m, return_index=True)[1]
-        self._region = Region(way_m, config.reach_m)
+        self._region = Region(path_m, config.reach_m)
         mesh = merge(town.chunks)
         self._truth = TrueMap(mesh)
         self.surface: SurfaceCloud = sample_surface(

@@ -78,9 +78,9 @@ def local_maps(clouds: Sequence[Array], frames: Frames) -> list[Array]:
         frames: The frames.
     """
     maps = []
-    for number, way_m in enumerate(frames.way_m):
+    for number, distance_m in enumerate(frames.distance_m):
         to_own = transforms.invert(frames.T_world_sensor[number])
-        near = np.flatnonzero(np.abs(frames.way_m - way_m) <= AROUND_M)
+        near = np.flatnonzero(np.abs(frames.distance_m - distance_m) <= AROUND_M)
         points = np.concatenate(
             [transforms.apply(to_own @ frames.T_world_sensor[k], clouds[k]) for k in near.tolist()]
         )

@@ -26,7 +26,7 @@ class Frames:
 
     stamp_ns: NDArray[np.int64]
     """Times since the drive began [ns], shape (N,)."""
-    way_m: Array
+    distance_m: Array
     """Distance driven since its first position [m], shape (N,)."""
     T_world_sensor: Array
     """Poses of the sensor, shape (N, 4, 4)."""
@@ -37,8 +37,8 @@ class Frames:
     def write(self, path: Path) -> Path:
         """Write a CSV with a row for each frame."""
         quat = transforms.matrix_to_quat(self.T_world_sensor[:, :3, :3])
-        rows = np.column_stack([self.way_m, self.T_world_sensor[:, :3, 3], quat])
-        names = ["frame", "stamp_ns", "way_m", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
+        rows = np.column_stack([self.distance_m, self.T_world_sensor[:, :3, 3], quat])
+        names = ["frame", "stamp_ns", "distance_m", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
         body = [
             [number, stamp, *(f"{value:.6f}" for value in row)]
             for number, (stamp, row) in enumerate(zip(self.stamp_ns.tolist(), rows.tolist(), strict=True))
@@ -80,7 +80,7 @@ def frames_along(
     if not len(rows):
         raise EvaluationError(f"a way of {way[-1]:.1f} m has no frame every {every_m:g} m; give a longer one")
     T = motion.T_world_frame[rows] @ sensor.mount.T_base_sensor
-    return Frames(stamp_ns=stamps[rows], way_m=way[rows], T_world_sensor=T)
+    return Frames(stamp_ns=stamps[rows], distance_m=way[rows], T_world_sensor=T)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

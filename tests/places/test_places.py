@@ -42,7 +42,9 @@ def pose(x: float, y: float, yaw_deg: float = 0.0, z: float = 0.0, axes: str = "
 
 def frames(*poses: Any) -> Frames:
     count = len(poses)
-    return Frames(stamp_ns=np.arange(count), way_m=np.arange(float(count)), T_world_sensor=np.array(poses))
+    return Frames(
+        stamp_ns=np.arange(count), distance_m=np.arange(float(count)), T_world_sensor=np.array(poses)
+    )
 
 
 @pytest.mark.parametrize("aside_m", [0.0, 2.0, 7.0])
@@ -102,11 +104,11 @@ def test_frames_lie_at_even_distances_and_a_car_that_waits_gives_none(scenery: A
     config = CameraConfig(mount=Mount(position_m=(1.5, 0.0, 1.6), axes="optical"))
     drive = scenery.drive(path, 5.0)
     found = frames_along(drive, config, every_m=2.0, span_ns=(0, 5_000_000_000))
-    assert found.way_m == pytest.approx(np.arange(0.0, 29.0, 2.0), abs=0.52)
-    assert found.T_world_sensor[:, 0, 3] == pytest.approx(found.way_m + 1.5, abs=0.02)
+    assert found.distance_m == pytest.approx(np.arange(0.0, 29.0, 2.0), abs=0.52)
+    assert found.T_world_sensor[:, 0, 3] == pytest.approx(found.distance_m + 1.5, abs=0.02)
     assert not ((found.stamp_ns > 1_050_000_000) & (found.stamp_ns < 3_000_000_000)).any()
     later = frames_along(drive, config, every_m=2.0, span_ns=(0, 5_000_000_000), offset_m=1.0)
-    assert later.way_m == pytest.approx(np.arange(1.0, 29.0, 2.0), abs=0.52)
+    assert later.distance_m == pytest.approx(np.arange(1.0, 29.0, 2.0), abs=0.52)
     with pytest.raises(EvaluationError, match="longer"):
         frames_along(drive, config, every_m=2.0, span_ns=(0, 50_000_000))
 
@@ -213,7 +215,8 @@ def test_local_maps_lie_in_the_frames_own_axes() -> None:
     ]
     own = [transforms.apply(transforms.invert(T), place) for T in poses]
     found = local_maps(
-        own, Frames(stamp_ns=np.arange(3), way_m=np.array([0.0, 5.0, 90.0]), T_world_sensor=np.array(poses))
+        own,
+        Frames(stamp_ns=np.arange(3), distance_m=np.array([0.0, 5.0, 90.0]), T_world_sensor=np.array(poses)),
     )
     for cloud, expected in zip(found, own, strict=True):
         assert {tuple(np.round(p, 6)) for p in cloud} == {tuple(np.round(p, 6)) for p in expected}
