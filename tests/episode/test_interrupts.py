@@ -57,7 +57,8 @@ def test_interrupted_at_any_line(tmp_path: Path) -> None:
     drive(tmp_path / "whole.mcap", tracer(seen))
     cuts = [k + 1 for k, name in enumerate(seen) if name in ("close_chunk", "flush", "_append")]
     between = [k + 1 for k, name in enumerate(seen) if name not in ("close_chunk", "flush", "_append")]
-    assert 20 < len(cuts) < 200
+    # From Python 3.12 on, each turn of a comprehension is a line of its function.
+    assert 20 < len(cuts) < 300
     for line in (*cuts, *between[::13]):
         path = tmp_path / f"{line}.mcap"
         done = drive(path, tracer([], line))
