@@ -43,7 +43,7 @@ def _sequence(folder: Path) -> SlamSequence:
     return SlamSequence(folder)
 
 
-class _Sequences(Dataset):
+class _Sequences(Dataset):  # type: ignore[misc]  # unknown where evalio is not installed
     """Sequences as evalio reads them; the members are made of the sequences in the folder."""
 
     @property
