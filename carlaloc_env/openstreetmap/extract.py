@@ -1,19 +1,16 @@
-"""Extracts of OpenStreetMap: .osm, .osm.gz and .osm.pbf, read and cut to a box."""
+"""Extracts of OpenStreetMap: .osm, packed or not, and .osm.pbf, read and cut to a box."""
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lxml import etree
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.errors import MapError, MissingDependencyError
+from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.geodesy import GeoReference
 
 Box = tuple[float, float, float, float]
@@ -24,6 +21,8 @@ NODE_LIMIT = 3_000_000
 """Extracts with more nodes inside the box are refused."""
 WIDEST_DEG = 0.5
 """Widest side of a box that is read [deg]."""
+_BEGINNINGS = {b"\x1f\x8b": "osm.gz", b"BZh": "osm.bz2", b"OSMHeader": "osm.pbf"}
+"""Bytes among a file's first ones, and its format as osmium calls it; others are bare XML."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +69,11 @@ def read_extract(path: Path, box: Box | None = None) -> Extract:
     """Read a file, cut it to a box, and place its nodes on the plane that touches the Earth in the middle.
 
     Args:
-        path: An .osm, .osm.gz or .osm.pbf file.
+        path: An .osm, .osm.gz, .osm.bz2 or .osm.pbf file.
         box: West, south, east, north [deg]; None: the whole file.
 
     Raises:
         MapError: The file cannot be read, ends early, holds too much, or has no node in the box.
-        MissingDependencyError: A .pbf file needs osmium.
     """
     if box is not None:
         west, south, east, north = box
@@ -108,72 +106,37 @@ def read_extract(path: Path, box: Box | None = None) -> Extract:
 
 
 def _elements(path: Path) -> Iterator[tuple[str, Any]]:
-    """Nodes as (id, lon, lat, tags), ways and relations."""
+    """Nodes as (id, lon, lat, tags), ways and relations, without what was deleted."""
+    # Here, since few commands need it.
+    import osmium
+    from osmium import osm
+
     try:
-        if path.name.lower().endswith(".pbf"):
-            yield from _from_pbf(path)
-        else:
-            yield from _from_xml(path)
-    except (OSError, EOFError, zlib.error) as error:
-        text = getattr(error, "strerror", None) or error
-        raise MapError(f"cannot read {path}: {text}; download the extract again") from error
-    except etree.XMLSyntaxError as error:
-        raise MapError(f"{path} is no whole .osm file: {error.msg}; download the extract again") from error
-
-
-def _from_xml(path: Path) -> Iterator[tuple[str, Any]]:
-    with path.open("rb") as probe:
-        packed = probe.read(2) == b"\x1f\x8b"
-    with gzip.open(path) if packed else path.open("rb") as file:
-        for _, element in etree.iterparse(
-            file, tag=("node", "way", "relation"), resolve_entities=False, huge_tree=True
-        ):
-            tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")}
-            try:
-                number = int(element.get("id"))
-                if element.tag == "node":
-                    if element.get("visible") != "false" and element.get("lon") is not None:
-                        yield "node", (number, float(element.get("lon")), float(element.get("lat")), tags)
-                elif element.tag == "way":
-                    refs = tuple(int(nd.get("ref")) for nd in element.iterfind("nd"))
-                    yield "way", Way(number, refs, tags)
-                else:
-                    members = tuple(
-                        (m.get("type", "")[:1], int(m.get("ref")), m.get("role", ""))
-                        for m in element.iterfind("member")
-                    )
-                    yield "relation", Relation(number, members, tags)
-            except (TypeError, ValueError) as error:
-                raise MapError(
-                    f"{path}: <{element.tag}> in line {element.sourceline} has no number where one belongs; "
-                    "download the extract again"
-                ) from error
-            element.clear()
-            while element.getprevious() is not None:
-                del element.getparent()[0]
-
-
-def _from_pbf(path: Path) -> Iterator[tuple[str, Any]]:
+        with path.open("rb") as file:
+            begin = file.read(16)
+    except OSError as error:
+        raise MapError(f"cannot read {path}: {error.strerror}; give an .osm or .osm.pbf file") from error
+    kind = next((kind for sign, kind in _BEGINNINGS.items() if sign in begin), "osm")
     try:
-        import osmium
-    except ImportError as error:
-        raise MissingDependencyError(
-            ".pbf files need osmium: pip install 'carlaloc-env[osm]', or give an .osm file"
-        ) from error
-    if not path.is_file():
-        raise MapError(f"there is no file {path}; give an .osm, .osm.gz or .osm.pbf file")
-    try:
-        for item in osmium.FileProcessor(str(path)):
-            tags = {tag.k: tag.v for tag in item.tags}
-            if item.is_node() and item.location.valid():
-                yield "node", (item.id, item.location.lon, item.location.lat, tags)
-            elif item.is_way():
+        for item in osmium.FileProcessor(osmium.io.File(str(path), kind)):
+            if isinstance(item, osm.Area | osm.Changeset) or not item.visible:
+                continue
+            tags = dict(item.tags) if item.tags else {}
+            if isinstance(item, osm.Way):
                 yield "way", Way(item.id, tuple(node.ref for node in item.nodes), tags)
-            elif item.is_relation():
-                members = tuple((m.type[:1], m.ref, m.role) for m in item.members)
+            elif isinstance(item, osm.Relation):
+                members = tuple((member.type, member.ref, member.role) for member in item.members)
                 yield "relation", Relation(item.id, members, tags)
+            elif item.location.valid():
+                yield "node", (item.id, item.location.lon, item.location.lat, tags)
+    except (ValueError, osmium.InvalidLocationError) as error:
+        raise MapError(
+            f"{path} has no number where one belongs: {error}; download the extract again"
+        ) from error
     except RuntimeError as error:
-        raise MapError(f"{path} is no whole .pbf file: {error}; download the extract again") from error
+        raise MapError(
+            f"cannot read {path}: no whole .{kind} file ({error}); download the extract again"
+        ) from error
 
 
 def _cut(extract: Extract, kept: dict[int, tuple[float, float]], box: Box | None) -> None:

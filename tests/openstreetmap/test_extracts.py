@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import osmium
 import pytest
+from osmium.osm.mutable import Node, Way
 from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, village
 
 from carlaloc_env.core.errors import MapError
@@ -24,13 +26,27 @@ def test_plain_and_packed_files_hold_the_same(tmp_path: Path) -> None:
 
 
 def test_pbf_holds_the_same(tmp_path: Path) -> None:
-    osmium = pytest.importorskip("osmium")
-    sketch = village()
-    plain = sketch.write(tmp_path / "a.osm")
+    plain = village().write(tmp_path / "a.osm")
     with osmium.SimpleWriter(str(tmp_path / "a.osm.pbf")) as writer:
         for item in osmium.FileProcessor(str(plain)):
             writer.add(item)
     assert read_extract(tmp_path / "a.osm.pbf").xy_m == read_extract(plain).xy_m
+
+
+@pytest.mark.parametrize("suffix", ["osm", "osm.gz", "osm.bz2", "osm.pbf"])
+def test_deleted_elements_are_left_out(suffix: str, tmp_path: Path) -> None:
+    """As in a file with history, whatever its format."""
+    street = {"highway": "residential"}
+    path = tmp_path / f"a.{suffix}"
+    with osmium.SimpleWriter(osmium.io.File(str(path), f"{suffix},history=true")) as writer:
+        for number, there in enumerate((True, False, True), 1):
+            place = (8.4, 49.0 + 0.001 * number)
+            writer.add_node(Node(id=number, location=place, version=1, visible=there))
+        writer.add_way(Way(id=4, nodes=[1, 3, 2], tags=street, version=1))
+        writer.add_way(Way(id=5, nodes=[3, 1], tags=street, version=1, visible=False))
+    extract = read_extract(path.rename(tmp_path / "renamed"))
+    assert sorted(extract.degrees) == [1, 3]
+    assert [(way.id, way.tags) for way in extract.ways.values()] == [(4, street)]
 
 
 def test_nodes_lie_where_they_were_drawn(tmp_path: Path) -> None:
@@ -61,13 +77,16 @@ def test_a_box_cuts_streets_where_they_cross_it(tmp_path: Path) -> None:
     ("content", "words"),
     [
         (b"", "no whole .osm file"),
-        (b"<osm><node id='1' lon='1' lat='2'/><way", "no whole .osm file"),
+        (b"<osm version='0.6'><node id='1' lon='1' lat='2'/><way", "no whole .osm file"),
+        (b"<osm></osm>", "no whole .osm file .*without version"),
         (b"\x1f\x8b\x08\x00cut", "cannot read"),
-        (b"<osm></osm>", "no nodes"),
-        (b"<osm><node id='x' lon='1' lat='2'/></osm>", "no number"),
-        (b"<osm><node id='1' lon='1' lat='2'/></osm>", "no street for cars"),
+        (b"<osm version='0.6'></osm>", "no nodes"),
+        (b"<osm version='0.6'><node id='x' lon='1' lat='2'/></osm>", "no number"),
+        (b"<osm version='0.6'><node id='1' lon='east' lat='2'/></osm>", "no number"),
+        (b"BZhcut", "cannot read"),
+        (b"<osm version='0.6'><node id='1' lon='1' lat='2'/></osm>", "no street for cars"),
         (
-            b"<osm><node id='1' lon='1' lat='2'/><way id='2'><nd ref='7'/><nd ref='8'/>"
+            b"<osm version='0.6'><node id='1' lon='1' lat='2'/><way id='2'><nd ref='7'/><nd ref='8'/>"
             b"<tag k='highway' v='residential'/></way></osm>",
             "no street for cars",
         ),

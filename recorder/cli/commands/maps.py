@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared = [shared_options(nested=True)]
     actions.add_parser("list", parents=shared, help="names and sizes of all towns")
     imported = actions.add_parser("import", parents=shared, help="a town from an extract of OpenStreetMap")
-    imported.add_argument("file", type=input_path, help=".osm, .osm.gz or .osm.pbf")
+    imported.add_argument("file", type=input_path, help=".osm, .osm.gz, .osm.bz2 or .osm.pbf")
     files = OutputFolder(
         "town.xodr", "town.toml", "features.geojson", "LICENCE", "report.json", "preview.png"
     )
