@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import shapely
-from pyproj import Transformer
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError, MissingDependencyError
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.openstreetmap.extract import Extract
 from carlaloc_env.openstreetmap.features import Feature
 
@@ -74,9 +74,7 @@ def read_land(path: Path, extract: Extract) -> Land:
     streets = extract.line(nodes or list(extract.xy_m))
     low, high = np.floor(streets.min(axis=0) - REACH_M), streets.max(axis=0) + REACH_M
     cell = max(CELL_M, float(np.ceil(np.sqrt(np.prod(high - low) / MOST_CELLS))))
-    grid = _grid(low, high, cell)
-    geodetic = extract.geo.enu_to_geodetic(np.concatenate([grid, np.zeros((*grid.shape[:2], 1))], axis=2))
-    z = _read(path, geodetic[..., 1], geodetic[..., 0])
+    z = _read(path, extract.geo, low, cell, _grid(low, high, cell).shape[:2])
     measured = np.isfinite(z)
     share = float(measured[tuple(np.rint((streets - low) / cell).astype(np.int64).T)].mean())
     if share < LEAST_KNOWN:
@@ -100,45 +98,44 @@ def _grid(low: Array, high: Array, step: float) -> Array:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
-def _read(path: Path, longitude_deg: Array, latitude_deg: Array) -> Array:
-    """Heights at places, NaN where the raster has none."""
+def _read(path: Path, geo: GeoReference, west_south: Array, cell_m: float, shape: tuple[int, ...]) -> Array:
+    """Heights at the corners of the cells of a grid of the world, NaN where the raster has none."""
     try:
         import rasterio
+        from rasterio.enums import Resampling
+        from rasterio.vrt import WarpedVRT
     except ImportError as error:
         raise MissingDependencyError(
             "heights need rasterio: pip install 'carlaloc-env[heights]', or leave --heights out"
         ) from error
+    west, north = west_south + np.array([-0.5, shape[1] - 0.5]) * cell_m
     try:
         with rasterio.open(path) as source:
             if source.crs is None:
                 raise MapError(
                     f"{path} names no reference system; add one: rio edit-info --crs EPSG:… {path}"
                 )
-            system = Transformer.from_crs("EPSG:4326", source.crs.to_wkt(), always_xy=True)
-            (x, y), cells = system.transform(longitude_deg, latitude_deg), ~source.transform
-            places = np.stack([cells.d * x + cells.e * y + cells.f, cells.a * x + cells.b * y + cells.c])
-            size = np.array([source.height, source.width])
-            inside = np.all((places >= 0) & (places <= size[:, None, None]), axis=0)
-            first = np.clip(np.floor(places.min(axis=(1, 2))) - 1, 0, size)
-            last = np.clip(np.ceil(places.max(axis=(1, 2))) + 1, 0, size)
-            count = last - first
-            if not inside.any():
-                return np.full(inside.shape, np.nan)
-            # Both spans cover the same ground: pixels for each cell of the grid.
-            fine = max(1.0, float(np.sqrt(count.prod() / inside.size)))
-            shape = np.ceil(count / fine).astype(int)
-            band = source.read(
-                1,
-                window=rasterio.windows.Window(first[1], first[0], count[1], count[0]),
-                out_shape=tuple(shape.tolist()),
-                masked=True,
-                resampling=rasterio.enums.Resampling.average,
-            )
-            factor, offset = source.scales[0], source.offsets[0]
+
+            def warped(how: Resampling, empty: float | None) -> Array:
+                # On the ellipsoid, seen along its normal at the origin: x and y of the world.
+                system = f"+proj=ortho +lat_0={geo.latitude_deg!r} +lon_0={geo.longitude_deg!r} +datum=WGS84"
+                place = rasterio.Affine(cell_m, 0.0, west, 0.0, -cell_m, north)
+                with WarpedVRT(
+                    source, crs=system, transform=place, width=shape[0], height=shape[1], resampling=how,
+                    src_nodata=empty, nodata=np.nan, dtype="float64",
+                ) as view:  # fmt: skip
+                    return np.asarray(view.read(1)[::-1].T)
+
+            empty, factor, offset = source.nodata, source.scales[0], source.offsets[0]
+            if empty is None:
+                # Heights that are none and not declared as such must not be mixed with their neighbours.
+                z = warped(Resampling.nearest, None)
+                empty = next(iter(z[_is_no_height(z * factor + offset)]), None)
+            z = warped(Resampling.bilinear, empty) * factor + offset
     except rasterio.errors.RasterioError as error:
         raise MapError(f"cannot read {path}: {error}; give a GeoTIFF of heights") from error
-    values = band.astype(np.float64).filled(np.nan) * factor + offset
-    values[(values < LOWEST_M) | (values > HIGHEST_M)] = np.nan
-    at = (places - first[:, None, None]) * (shape / count)[:, None, None] - 0.5
-    z: Array = map_coordinates(values, at, order=1, mode="nearest")
-    return np.where(inside, z, np.nan)
+    return np.where(_is_no_height(z), np.nan, z)
+
+
+def _is_no_height(z: Array) -> Array:
+    return np.asarray((z < LOWEST_M) | (z > HIGHEST_M))
