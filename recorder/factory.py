@@ -214,7 +214,7 @@ def _recipe(config: DatasetConfig) -> dict[str, Any]:
     return {
         "towns": list(config.towns), "weathers": list(r.weathers), "traffic": list(r.traffic),
         "rig": r.rig, "formats": list(r.formats), "topics": r.topics, "quality": r.quality,
-        "preview": r.preview,
+        "preview": r.preview, "truth_tf": r.truth_tf, "clock": r.clock,
         "noise_seed": r.seed, "sample_s": config.sample_s,
         "drive_seeds": {town: config.seed_of(town) for town in config.towns},
         "episodes": None if config.episodes is None else "a person's",

@@ -52,13 +52,19 @@ TAIL = """\
   mirror image, 2 clutter). `radar_scan`: radar_msgs/RadarScan; the amplitude is the signal-to-noise ratio.
   Doppler is **positive when the distance grows**: an object at rest ahead of a car that drives at 10 m/s
   reads −10 m/s.
-* `image_32fc1`: planar depth in metres, 0 for the sky. `image_tags`: semantic tags as `mono8`.
+* `image_32fc1`: planar depth in metres by [REP 118](https://ros.org/reps/rep-0118.html): +Inf for the sky
+  and beyond the range, NaN where nothing is measured ([REP 117](https://ros.org/reps/rep-0117.html)). Our
+  cameras measure every pixel. `depth_png`, and files that are no bags, have 0 in both cases. `image_tags`:
+  semantic tags as `mono8`.
 * `camera_info`: `plumb_bob` with five zeros; R is the identity, P = [K 0].
-* `imu`: no orientation (covariance[0] = −1). Covariances of 0 mean "unknown"; the calibration files have
-  the noise densities.
+* `imu`: covariances are those of the white noise in one message, the density squared times the rate; the
+  densities are those of the calibration files. An IMU without an attitude has `orientation_covariance[0]` =
+  −1, as the message's definition wants. The topic is `/imu/data`, the one of [REP
+  145](https://ros.org/reps/rep-0145.html) and of the SLAM systems' configurations. `/imu/data_raw` is what
+  the filters of imu_tools read: start them with `imu/data_raw:=/imu/data`.
 * `wheel_joints` (rig `flu`, `/wheels/joint_states`): sensor_msgs/JointState, angles of whole ticks [rad]
   and spins [rad/s] of `wheel_front_left`, `wheel_front_right`, `wheel_rear_left`, `wheel_rear_right`.
-* `odometry`: header frame `world`, child frame `base_link`; the twist is in the child frame.
+* `odometry`: header frame `map`, child frame `base_link`; the twist is in the child frame.
 * `acceleration`: geometry_msgs/AccelStamped of `base_link` in its own axes, gravity not included.
 * `objects`: derived_object_msgs/ObjectArray, the type of CARLA's ROS bridge; boxes (`shape`), attitude,
   velocity in world axes, class, for every actor, seen or not. `object_table`: the same as a
@@ -67,7 +73,18 @@ TAIL = """\
   `visible` (share not hidden behind other objects, seen from the LiDAR, NaN beyond 120 m) and the semantic
   tag. The `id` of both is the `id` of `points_labelled` and `radar_points`, and the value of pixels in
   `image_instances`.
-* `/tf_static` is latched and holds one transform from `base_link` to each sensor. `/clock` comes at 100 Hz.
+* `/tf_static` is latched and holds one transform from `base_link` to each sensor.
+
+## Poses and the clock
+
+* `--truth-tf` adds `/tf` to any profile: the true pose `map` → `base_link`, 200 Hz. With it and
+  `/tf_static`, viewers such as Foxglove, RViz and rerun show sensors in the world: choose `map` as the
+  fixed frame. It is off by default, since SLAM systems publish their own `/tf`, and a frame has only one
+  parent. `paper` and `paper_seg` have no `/tf_static`.
+* Frames are those of [REP 105](https://ros.org/reps/rep-0105.html). `map` is our `world`: east, north, up.
+  There is no `odom`, since the truth does not drift.
+* Bags have no `/clock`. `ros2 bag play --clock 100 BAG` and `rosbag play --clock BAG` make it, for nodes
+  with `use_sim_time`. With two clocks, time jumps. `--clock` writes it into the bag, 100 Hz.
 """
 _KINDS: tuple[tuple[str, type[Sample]], ...] = (
     ("rgb_", Image),
@@ -99,7 +116,7 @@ def streams_of(config: SensorRig) -> Iterator[tuple[str, type[Sample], str, floa
             kind = _KIND_OF_SENSOR.get(sensor.config.kind) or next(pictures)
             yield stream, kind, sensor.config.frame_id, sensor.config.rate_hz
     yield "truth", Odometry, "base_link", 200.0
-    yield "objects", ObjectList, "world", 20.0
+    yield "objects", ObjectList, "map", 20.0
 
 
 def rows_of(profile: TopicProfile) -> list[tuple[str, str, str, str, float]]:
@@ -110,7 +127,7 @@ def rows_of(profile: TopicProfile) -> list[tuple[str, str, str, str, float]]:
         (
             route.topic,
             f"{ENCODERS[route.message][0].replace('/msg/', '/')} (`{route.message}`)",
-            route.frame_id or ("world → base_link" if kind is Odometry else frame),
+            route.frame_id or ("map → base_link" if kind is Odometry else frame),
             stream,
             rate_hz,
         )
@@ -127,11 +144,8 @@ def _table() -> str:
         for topic, message, frame, stream, rate_hz in rows_of(profile):
             row = f"| `{topic}` | {message} | `{frame}` | `{stream}` | {rate_hz:g} |"
             holders.setdefault(row, []).append(profile)
-    for row, held in (
-        ("| `/tf_static` | tf2_msgs/TFMessage | `base_link` | – | once |", "tf_static"),
-        ("| `/clock` | rosgraph_msgs/Clock | – | – | 100 |", "clock"),
-    ):
-        holders[row] = [profile for profile in profiles if getattr(profile, held)]
+    row = "| `/tf_static` | tf2_msgs/TFMessage | `base_link` | – | once |"
+    holders[row] = [profile for profile in profiles if profile.tf_static]
     names = " | ".join(f"`{profile.name}`" for profile in profiles)
     head = [f"| topic | message | frame | stream | Hz | {names} |", "|---" * (5 + len(profiles)) + "|"]
     rows = [

@@ -246,6 +246,10 @@ def add_replay_options(
         default="standard",
         help="topic profile of bags: standard, slam, paper, paper_seg, full, compact or compact_full",
     )
+    text = "write the car's true pose to bags, /tf from map to base_link"
+    parser.add_argument("--truth-tf", action="store_true", help=text)
+    text = "write /clock to bags; `ros2 bag play --clock` and `rosbag play --clock` make it, too"
+    parser.add_argument("--clock", action="store_true", help=text)
     option(parser, "--workers", int, "N", "processes; else one per core")
     parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
     text = "seconds of the drive that a worker makes at a time (default: 10)"
@@ -353,6 +357,8 @@ def replay_options(arguments: argparse.Namespace) -> dict[str, Any]:
         **condition_options(arguments),
         "formats": arguments.format,
         "topics": arguments.topics,
+        "truth_tf": arguments.truth_tf,
+        "clock": arguments.clock,
         "workers": arguments.workers,
         "cluster": arguments.cluster,
         "unit_s": arguments.unit,

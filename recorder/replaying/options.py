@@ -31,6 +31,10 @@ class ReplayOptions:
     """Dataset formats."""
     topics: str = "standard"
     """Topic profile of bags."""
+    truth_tf: bool = False
+    """Whether bags have the car's true pose as the transform `/tf`, `map` → `base_link`."""
+    clock: bool = False
+    """Whether bags have `/clock`, which the players of bags make, too."""
     seed: int | None = None
     """Seed of sensor noise; None: the episode's."""
     quality: str = "medium"

@@ -80,7 +80,9 @@ class ReplayPlan:
             "rig": repr(self.rig),
             "stretch": repr((self.span_ns, recipe.camera_ns)),
             "set of conditions": repr(recipe.conditions),
-            "set of formats": repr((recipe.formats, recipe.topics, recipe.preview)),
+            "set of formats": repr(
+                (recipe.formats, recipe.topics, recipe.truth_tf, recipe.clock, recipe.preview)
+            ),
             "seed": repr(recipe.seed),
             "quality": recipe.quality,
             "length of units": repr(self.config.unit_s),
@@ -135,6 +137,8 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
         quality=config.quality,
         formats=config.formats,
         topics=config.topics,
+        truth_tf=config.truth_tf,
+        clock=config.clock,
         preview=config.preview,
     )
     plan = ReplayPlan(

@@ -38,6 +38,10 @@ class Recipe:
     """Names of dataset formats."""
     topics: str
     """Topic profile of bags."""
+    truth_tf: bool
+    """Whether bags have the car's true pose as a transform."""
+    clock: bool
+    """Whether bags have `/clock`."""
     preview: bool
     """Whether a film of each sequence is made."""
 

@@ -130,9 +130,10 @@ def _bags(
     profiles = {"": recipe.topics}
     if recipe.topics == "paper" and "lidar_semantic" in streams:
         profiles[SEG_BAG] = "paper_seg"
+    extras = {"truth_tf": recipe.truth_tf, "clock": recipe.clock}
     return [
         Output(
-            encoder(calibration, profile=profile, streams=streams),
+            encoder(calibration, profile=profile, streams=streams, **extras),
             writer,
             begin + FORMATS[name].place,
             options,

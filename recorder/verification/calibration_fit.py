@@ -103,7 +103,8 @@ def _depth_of(image: Any) -> Any:
     """Planar depth [m] of a plain or a compressed image, 0 where there is none, shape (H, W)."""
     if hasattr(image, "format"):
         return depth_of_png(image.data.tobytes())
-    return image.data.view("<f4").reshape(image.height, image.width)
+    plain = image.data.view("<f4").reshape(image.height, image.width)
+    return np.nan_to_num(plain, posinf=0.0)
 
 
 def _points_of(cloud: Any) -> tuple[Array, Any]:

@@ -125,6 +125,8 @@ class RigCalibration:
     """The LiDAR."""
     frames: Mapping[str, Array] = field(default_factory=dict)
     """For every sensor frame, the map to `base_link`, shape (4, 4)."""
+    more_imus: tuple[ImuCalibration, ...] = ()
+    """Further IMUs, whose noise messages state."""
 
     def T(self, to_frame: str, from_frame: str) -> Array:
         """Maps coordinates of one frame to another, shape (4, 4).
@@ -151,6 +153,7 @@ class RigCalibration:
         imu: ImuCalibration | None = None,
         lidar: LidarCalibration | None = None,
         others: Mapping[str, Array] | None = None,
+        more_imus: Iterable[ImuCalibration] = (),
     ) -> RigCalibration:
         """Rig whose frames are those of the sensors given, and some others."""
         cameras = tuple(cameras)
@@ -159,7 +162,8 @@ class RigCalibration:
             frames[imu.name] = imu.T_base_imu
         if lidar is not None:
             frames[lidar.name] = lidar.T_base_lidar
-        return cls(cameras=cameras, imu=imu, lidar=lidar, frames={**frames, **(others or {})})
+        frames |= others or {}
+        return cls(cameras=cameras, imu=imu, lidar=lidar, frames=frames, more_imus=tuple(more_imus))
 
     @classmethod
     def from_configs(cls, configs: Iterable[SensorConfig]) -> RigCalibration:
@@ -168,6 +172,7 @@ class RigCalibration:
         imu: ImuCalibration | None = None
         lidar: LidarCalibration | None = None
         others: dict[str, Array] = {}
+        more_imus: list[ImuCalibration] = []
         for config in configs:
             T_base_sensor = config.mount.T_base_sensor
             if config.kind == "camera":
@@ -178,7 +183,9 @@ class RigCalibration:
                 lidar = _lidar(config, T_base_sensor)
             else:
                 others[config.frame_id] = T_base_sensor
-        return cls.of(cameras=cameras, imu=imu, lidar=lidar, others=others)
+                if config.kind == "imu":
+                    more_imus.append(_imu(config, T_base_sensor))
+        return cls.of(cameras=cameras, imu=imu, lidar=lidar, others=others, more_imus=more_imus)
 
 
 def _camera(config: Any, T_base_camera: Array) -> CameraCalibration:

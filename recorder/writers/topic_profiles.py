@@ -42,7 +42,7 @@ STANDARD = TopicProfile(
         TopicRule(ObjectList, "*", "/ground_truth/object_table", "object_table"),
     ),
 )
-"""Every sensor but the event cameras, with transforms and clock."""
+"""Every sensor but the event cameras, with the sensors' transforms."""
 FULL = TopicProfile(
     name="full",
     rules=(
@@ -61,7 +61,6 @@ PAPER = TopicProfile(
         TopicRule(Imu, "imu", "/imu", "imu", frame_id="imu"),
     ),
     tf_static=False,
-    clock=False,
 )
 """Topics and frames of the CARLA-Loc release; the cloud has ring and time beside its four fields."""
 SLAM = TopicProfile(
@@ -83,7 +82,6 @@ PAPER_SEG = TopicProfile(
         TopicRule(Imu, "imu", "/imu", "imu", frame_id="imu"),
     ),
     tf_static=False,
-    clock=False,
 )
 """The release's ``LIOseg``: the cloud without walkers and vehicles, and the IMU."""
 _COMPACT_CLOUDS = (
@@ -116,6 +114,8 @@ PROFILES = {
     profile.name: profile for profile in (STANDARD, PAPER, PAPER_SEG, SLAM, FULL, COMPACT, COMPACT_FULL)
 }
 """All profiles by name."""
+TRUTH_TF = TopicRule(Odometry, "*", "/tf", "truth_tf")
+"""The car's true pose as a transform; in no profile, since SLAM systems publish their own."""
 
 
 def profile_by_name(name: str) -> TopicProfile:

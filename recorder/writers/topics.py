@@ -54,8 +54,6 @@ class TopicProfile:
     """Rules; for each stream those of the first stream pattern that fits count."""
     tf_static: bool = True
     """Whether `/tf_static` is written."""
-    clock: bool = True
-    """Whether `/clock` is written."""
 
     def routes(
         self, kind: type[Sample], stream: str, streams: Collection[str] | None = None

@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -16,7 +17,7 @@ from recorder.writers.ros.compact_messages import I420
 from recorder.writers.ros.message_parts import Message, make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
 from recorder.writers.ros.video import VideoEncoder
-from recorder.writers.topic_profiles import profile_by_name
+from recorder.writers.topic_profiles import TRUTH_TF, profile_by_name
 
 _CLOCK_PERIOD_NS = 10_000_000
 _VIDEO = "foxglove_msgs/msg/CompressedVideo"
@@ -31,6 +32,8 @@ class BagEncoder(Encoder):
         streams: All streams that will come, so that a plain cloud is left out where the labelled
             cloud has the same topic; None: nothing is left out.
         epoch_ns: Unix time of the drive's beginning [ns].
+        truth_tf: Whether `/tf` is written with the car's true pose.
+        clock: Whether `/clock` is written.
 
     Raises:
         WriterError: the profile is unknown or the epoch is not positive.
@@ -46,17 +49,25 @@ class BagEncoder(Encoder):
         profile: str = "standard",
         streams: Collection[str] | None = None,
         epoch_ns: int = DEFAULT_EPOCH_NS,
+        truth_tf: bool = False,
+        clock: bool = False,
     ) -> None:
         super().__init__(epoch_ns=epoch_ns)
         if epoch_ns <= 0:
             raise WriterError(f"epoch {epoch_ns} ns; ROS needs times after 0")
         self.calibration = calibration
         self.profile = profile_by_name(profile)
+        if truth_tf:
+            self.profile = replace(self.profile, rules=(*self.profile.rules, TRUTH_TF))
+        self.clock = clock
         self._streams = streams
         self.typestore = make_typestore(self.store)
         pinholes = {camera.stream: camera.pinhole for camera in calibration.cameras}
         lenses = {camera.stream: camera.lens for camera in calibration.cameras}
-        self.maker = MessageMaker(self.typestore, epoch_ns=epoch_ns, pinholes=pinholes, lenses=lenses)
+        imus = {imu.name: imu for imu in (calibration.imu, *calibration.more_imus) if imu is not None}
+        self.maker = MessageMaker(
+            self.typestore, epoch_ns=epoch_ns, pinholes=pinholes, lenses=lenses, imus=imus
+        )
 
     def encode(self, sample: Sample) -> list[Piece]:
         """Messages of a sample, by their topics."""
@@ -100,7 +111,7 @@ class BagWriter(Writer):
         if self._clock_due_ns is None:
             self._write_tf_static(piece.stamp_ns)
             self._clock_due_ns = piece.stamp_ns
-        if self.encoder.profile.clock and piece.stamp_ns >= self._clock_due_ns:
+        if self.encoder.clock and piece.stamp_ns >= self._clock_due_ns:
             self._clock_due_ns = piece.stamp_ns + _CLOCK_PERIOD_NS
             kind = "rosgraph_msgs/msg/Clock"
             clock = self.encoder.serialise(self.encoder.maker.clock(piece.stamp_ns), kind)

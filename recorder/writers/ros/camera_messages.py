@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.samples import Events, Image
+from carlaloc_env.samples import DepthImage, Events, Image
 from recorder.writers.ros.message_parts import Message, MessageParts
 
 
@@ -15,6 +15,12 @@ def image_encoder(
 ) -> Callable[[MessageParts, Message, Any], Message]:
     """Function that makes images of an encoding from an array of a sample."""
     return lambda maker, header, sample: maker.image(header, pixels_of(sample), encoding)
+
+
+def depth_image(maker: MessageParts, header: Message, sample: DepthImage) -> Message:
+    """Depth [m] by REP 117 and 118: +Inf for the sky and beyond the range, NaN where nothing is measured."""
+    depth_m = np.where(sample.depth_m == 0.0, np.float32(np.inf), sample.depth_m)
+    return maker.image(header, depth_m, "32FC1")
 
 
 def event_array(maker: MessageParts, header: Message, sample: Events) -> Message:

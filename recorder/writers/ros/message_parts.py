@@ -12,10 +12,13 @@ from rosbags.typesys.store import Typestore
 from carlaloc_env.core import transforms as geometry
 from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import WriterError
+from recorder.writers.rig_calibration import ImuCalibration
 from recorder.writers.text_templates import filled
 
 Message = Any
 """An object of one of the typestore's classes, which exist at run time only."""
+MAP_FRAME = "map"
+"""Frame of true poses in ROS messages: the world, east, north, up (REP 105)."""
 _FLOAT32, _UINT32, _UINT16, _UINT8 = 7, 6, 4, 2
 _DATATYPES = {"<f4": _FLOAT32, "<u4": _UINT32, "<u2": _UINT16, "|u1": _UINT8}
 _DEFINED = (
@@ -56,6 +59,7 @@ class MessageParts:
         epoch_ns: int,
         pinholes: Mapping[str, Pinhole],
         lenses: Mapping[str, Lens] | None = None,
+        imus: Mapping[str, ImuCalibration] | None = None,
     ) -> None:
         """Make a maker of parts.
 
@@ -64,11 +68,20 @@ class MessageParts:
             epoch_ns: Added to every stamp [ns].
             pinholes: Intrinsics by name of the colour stream.
             lenses: Distortion by name of the colour stream; none where left out.
+            imus: Noise by name of the stream of an IMU; unknown where left out.
         """
         self.typestore = typestore
         self._epoch_ns = epoch_ns
         self._pinholes = pinholes
         self._lenses = lenses or {}
+        # White noise of density N has the variance N² · rate in each sample.
+        self._imu_variances = {
+            name: (
+                imu.accelerometer_noise_density**2 * imu.rate_hz,
+                imu.gyroscope_noise_density**2 * imu.rate_hz,
+            )
+            for name, imu in (imus or {}).items()
+        }
         self._has_seq = "seq" in self.fields_of("std_msgs/Header")
         self._seq: dict[str, int] = {}
 
@@ -159,19 +172,30 @@ class MessageParts:
     def tf_static(self, parent: str, frames: Mapping[str, NDArray[np.float64]], stamp_ns: int) -> Message:
         """Transforms from frames, each by its T_parent_frame (4, 4), to their parent."""
         transforms = [
-            self.new(
-                "geometry_msgs/TransformStamped",
-                header=self.header(stamp_ns, parent, "/tf_static"),
-                child_frame_id=frame,
-                transform=self.new(
-                    "geometry_msgs/Transform",
-                    translation=self.vector(T[:3, 3]),
-                    rotation=self.quaternion(geometry.matrix_to_quat(T[:3, :3])),
-                ),
+            self.transform(
+                self.header(stamp_ns, parent, "/tf_static"),
+                frame,
+                T[:3, 3],
+                geometry.matrix_to_quat(T[:3, :3]),
             )
             for frame, T in frames.items()
         ]
         return self.new("tf2_msgs/TFMessage", transforms=transforms)
+
+    def transform(
+        self, header: Message, child: str, position_m: NDArray[np.float64], quat_xyzw: NDArray[np.float64]
+    ) -> Message:
+        """Transform from a frame to that of a header, by its pose there."""
+        return self.new(
+            "geometry_msgs/TransformStamped",
+            header=header,
+            child_frame_id=child,
+            transform=self.new(
+                "geometry_msgs/Transform",
+                translation=self.vector(position_m),
+                rotation=self.quaternion(quat_xyzw),
+            ),
+        )
 
     def pinhole(self, stream: str) -> Pinhole:
         """Intrinsics of a colour stream.
@@ -182,6 +206,11 @@ class MessageParts:
         if stream not in self._pinholes:
             raise WriterError(f"no calibration of camera stream '{stream}'; give the rig to the writer")
         return self._pinholes[stream]
+
+    def imu_covariances(self, stream: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Covariances of a sample's specific force [m²/s⁴] and body rate [rad²/s²], (9,); 0: unknown."""
+        force, rate = self._imu_variances.get(stream, (0.0, 0.0))
+        return force * np.eye(3).reshape(-1), rate * np.eye(3).reshape(-1)
 
     def distortion(self, stream: str) -> tuple[str, NDArray[np.float64]]:
         """Name and coefficients of a colour stream's lens, as sensor_msgs/CameraInfo wants them."""

@@ -8,12 +8,12 @@ import numpy as np
 from carlaloc_env.samples import Sample
 from recorder.writers.base import grey
 from recorder.writers.ros import camera_messages, compact_messages, motion_messages, point_messages
-from recorder.writers.ros.message_parts import Message, MessageParts
+from recorder.writers.ros.message_parts import MAP_FRAME, Message, MessageParts
 
 ENCODERS: dict[str, tuple[str, Callable[[MessageParts, Message, Any], Message]]] = {
     "image_rgb8": ("sensor_msgs/msg/Image", camera_messages.image_encoder("rgb8", lambda s: s.rgb)),
     "image_mono8": ("sensor_msgs/msg/Image", camera_messages.image_encoder("mono8", grey)),
-    "image_32fc1": ("sensor_msgs/msg/Image", camera_messages.image_encoder("32FC1", lambda s: s.depth_m)),
+    "image_32fc1": ("sensor_msgs/msg/Image", camera_messages.depth_image),
     "image_tags": ("sensor_msgs/msg/Image", camera_messages.image_encoder("mono8", lambda s: s.tag)),
     "image_32fc2": ("sensor_msgs/msg/Image", camera_messages.image_encoder("32FC2", lambda s: s.flow_px)),
     "image_32fc3": ("sensor_msgs/msg/Image", camera_messages.image_encoder("32FC3", lambda s: s.normal)),
@@ -40,6 +40,7 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageParts, Message, Any], Message]]]
     ),
     "acceleration": ("geometry_msgs/msg/AccelStamped", motion_messages.acceleration),
     "odometry": ("nav_msgs/msg/Odometry", motion_messages.odometry),
+    "truth_tf": ("tf2_msgs/msg/TFMessage", motion_messages.truth_tf),
 }
 """Message type and function of every encoding of a sample, by name."""
 
@@ -49,5 +50,6 @@ class MessageMaker(MessageParts):
 
     def make(self, encoder: str, sample: Sample, topic: str, frame_id: str | None = None) -> Message:
         """Message of a sample by the name of its encoder in `ENCODERS`."""
-        header = self.header(sample.stamp_ns, frame_id or sample.frame_id, topic)
+        own_frame = MAP_FRAME if sample.frame_id == "world" else sample.frame_id
+        header = self.header(sample.stamp_ns, frame_id or own_frame, topic)
         return ENCODERS[encoder][1](self, header, sample)

@@ -6,7 +6,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.samples import GnssFix, Imu, ObjectList, Odometry, Speed, WheelTicks
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.vehicle_track import WHEELS
-from recorder.writers.ros.message_parts import Message, MessageParts
+from recorder.writers.ros.message_parts import MAP_FRAME, Message, MessageParts
 
 _CLASSES = {
     Tag.PEDESTRIAN: 4, Tag.RIDER: 5, Tag.BICYCLE: 5, Tag.CAR: 6, Tag.TRUCK: 7, Tag.MOTORCYCLE: 8, Tag.BUS: 9,
@@ -16,11 +16,12 @@ _CLASSES = {
 
 
 def imu(maker: MessageParts, header: Message, sample: Imu) -> Message:
-    """Specific force and body rate; the attitude where the sensor measures it."""
+    """Specific force and body rate with their noise; the attitude where the sensor measures it."""
     covariance = np.eye(3).reshape(-1) * sample.orientation_noise_rad**2
     if sample.quat_xyzw is None:
         covariance = np.zeros(9)
         covariance[0] = -1.0  # sensor_msgs/Imu: "no orientation estimate"
+    force_covariance, rate_covariance = maker.imu_covariances(sample.sensor)
     quat = sample.quat_xyzw if sample.quat_xyzw is not None else np.array([0.0, 0.0, 0.0, 1.0])
     return maker.new(
         "sensor_msgs/Imu",
@@ -28,9 +29,9 @@ def imu(maker: MessageParts, header: Message, sample: Imu) -> Message:
         orientation=maker.quaternion(quat),
         orientation_covariance=covariance,
         angular_velocity=maker.vector(sample.angular_rate_radps),
-        angular_velocity_covariance=np.zeros(9),
+        angular_velocity_covariance=rate_covariance,
         linear_acceleration=maker.vector(sample.specific_force_mps2),
-        linear_acceleration_covariance=np.zeros(9),
+        linear_acceleration_covariance=force_covariance,
     )
 
 
@@ -120,7 +121,7 @@ def odometry(maker: MessageParts, header: Message, sample: Odometry) -> Message:
         linear=maker.vector(velocity),
         angular=maker.vector(sample.angular_rate_radps),
     )
-    header.frame_id = "world"
+    header.frame_id = MAP_FRAME
     return maker.new(
         "nav_msgs/Odometry",
         header=header,
@@ -132,3 +133,10 @@ def odometry(maker: MessageParts, header: Message, sample: Odometry) -> Message:
         ),
         twist=maker.new("geometry_msgs/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
     )
+
+
+def truth_tf(maker: MessageParts, header: Message, sample: Odometry) -> Message:
+    """The true pose as a transform, from the car's frame to `map`."""
+    header.frame_id = MAP_FRAME
+    transform = maker.transform(header, sample.frame_id, sample.position_m, sample.quat_xyzw)
+    return maker.new("tf2_msgs/TFMessage", transforms=[transform])

@@ -196,7 +196,7 @@ def test_mcap_carries_conditions_and_calibration(tmp_path: Path) -> None:
         reader = make_reader(file, validate_crcs=True)
         told = {record.name: record.metadata for record in reader.iter_metadata()}
         attached = {a.name: (a.media_type, a.data.decode()) for a in reader.iter_attachments()}
-        assert len(list(reader.iter_messages())) == 4
+        assert len(list(reader.iter_messages())) == 3
         summary = reader.get_summary()
     assert told[METADATA] == about
     assert "serialized_metadata" in told["rosbag2"]

@@ -2,15 +2,20 @@
 
 import json
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.readings.bag_samples import cloud, drive, read, rig, write_all
+from shared_fixtures.readings.bag_samples import cloud, drive, read, rig, truth, write_all
 
+from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image
+from recorder.dataset.trajectories import read_bag
+from recorder.writers.base import Encoder, Writer
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
 
 
 def test_paper_profile(tmp_path: Path) -> None:
@@ -33,6 +38,34 @@ def test_plain_cloud_alone_is_written(tmp_path: Path) -> None:
     writer = Rosbag1Writer(tmp_path / "a.bag", Ros1Encoder(rig(), streams={"lidar"}))
     _, messages = read(write_all(writer, [cloud(0, False)]))
     assert messages["/lidar/points"][0][1].point_step == 22
+
+
+@pytest.mark.parametrize(
+    ("name", "writer", "encoder"),
+    [("a.bag", Rosbag1Writer, Ros1Encoder), ("a", Rosbag2Writer, Ros2Encoder)],
+)
+def test_sensors_can_be_placed_in_the_map(
+    name: str, writer: Callable[..., Writer], encoder: Callable[..., Encoder], tmp_path: Path
+) -> None:
+    """`/tf` and `/tf_static` compose to each sensor's pose at every stamp of the odometry."""
+    quats = transforms.rpy_to_quat(0.1, -0.2, 1.0), transforms.rpy_to_quat(0.0, 0.3, -2.0)
+    moves = [truth(5_000_000 * k, (k, -2.0 * k, 0.5), quat) for k, quat in enumerate(quats)]
+    path = write_all(writer(tmp_path / name, encoder(rig(), truth_tf=True, clock=True)), moves)
+    types, messages = read(path)
+    assert [message.clock.nanosec for _, message in messages["/clock"]] == [0]
+    assert types["/tf"][0] == "tf2_msgs/msg/TFMessage"
+    pairs = zip(messages["/tf"], messages["/ground_truth/odometry"], strict=True)
+    for (at_ns, message), (odometry_ns, odometry) in pairs:
+        (link,) = message.transforms
+        assert at_ns == odometry_ns
+        assert (link.header.frame_id, link.child_frame_id) == ("map", "base_link")
+        assert link.header.stamp == odometry.header.stamp
+        assert odometry.header.frame_id == "map"
+    for frame, T_base_sensor in rig().frames.items():
+        placed = read_bag(path, f"/tf:map.{frame}")
+        for move, position_m, quat in zip(moves, placed.position_m, placed.quat_xyzw, strict=True):
+            true = transforms.transform(move.position_m, move.quat_xyzw) @ T_base_sensor
+            np.testing.assert_allclose(transforms.transform(position_m, quat), true, atol=1e-12)
 
 
 _ROS = """

@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores
 from shared_fixtures.readings.bag_samples import imu, truth, two_objects
+from shared_fixtures.readings.imu_readings import QUIET, rows
 
-from carlaloc_env.samples import GnssFix, RadarScan, Sample, SemanticImage, WheelTicks
+from carlaloc_env.samples import DepthImage, GnssFix, RadarScan, Sample, SemanticImage, WheelTicks
+from carlaloc_env.sensors.imu import ImuConfig
+from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.ros.compact_messages import depth_of_png
 from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
+from recorder.writers.ros.rosbag1 import Ros1Encoder
 from recorder.writers.topic_profiles import PROFILES, STANDARD
 
 OFFICIAL_MD5 = {
@@ -115,6 +120,35 @@ def test_imu_orientation_is_marked(store: Stores) -> None:
     message = round_trip(store, "imu", full)
     assert message.orientation_covariance == pytest.approx(np.eye(3).reshape(-1) * 0.01)
     assert (message.orientation.y, message.orientation.w) == (0.6, 0.8)
+
+
+def test_imu_covariances_are_those_of_the_noise(scenery: Any) -> None:
+    """The variance of readings at rest, which 20 s give to 1.8 % (1σ) at 100 Hz."""
+    second = {"name": "second", "rate_hz": 100.0, "accel_noise_density": 5e-3, "gyro_noise_density": 1e-3}
+    densities = {"accel_noise_density": 2e-3, "gyro_noise_density": 2e-4}
+    configs = [ImuConfig(**{**QUIET, **densities}), ImuConfig(**{**QUIET, **second})]
+    encoder = Ros1Encoder(RigCalibration.from_configs(configs))
+    for config in configs:
+        sensor = config.build(scenery.world())
+        stamps = sensor.schedule.stamps_ns_in(0, 20 * 10**9)
+        samples = sensor.measure(scenery.drive(scenery.straight(), 20.0), stamps)
+        (piece,) = encoder.encode(samples[0])
+        message = encoder.deserialise(piece.data, piece.kind)
+        variances = rows(samples).var(axis=0).reshape(2, 3).mean(axis=1)
+        for name, variance in zip(("linear_acceleration", "angular_velocity"), variances, strict=True):
+            covariance = getattr(message, f"{name}_covariance").reshape(3, 3)
+            assert covariance == pytest.approx(variance * np.eye(3), rel=0.06)
+
+
+@pytest.mark.parametrize("store", STORES, ids=str)
+def test_depth_tells_the_sky_from_nothing(store: Stores) -> None:
+    """REP 117: +Inf beyond the range, NaN where nothing is measured; both are 0 as integers (REP 118)."""
+    depth_m = np.array([[0.0, 5.0, np.nan]], np.float32)
+    picture = DepthImage(sensor="depth_left", frame_id="camera_left", stamp_ns=0, depth_m=depth_m)
+    plain = round_trip(store, "image_32fc1", picture).data.view("<f4")
+    np.testing.assert_array_equal(plain, [np.inf, 5.0, np.nan])
+    compact = depth_of_png(round_trip(store, "depth_png", picture).data.tobytes())
+    np.testing.assert_allclose(compact, [[0.0, 5.0, 0.0]], atol=4e-4)
 
 
 @pytest.mark.parametrize(
