@@ -13,7 +13,7 @@ Arrays = dict[str, Any]
 def views_of(folder: Path, camera: str, shrink: int) -> list[Arrays]:
     """Every few pixels of a camera's frames: picture, clean plate, mask, depth, ray; and the pose."""
     frames = json.loads((folder / "transforms.json").read_text())["frames"]
-    return [_view(folder, frame, shrink) for frame in frames if f"/{camera}/" in frame["file_path"]]
+    return [_view(folder, frame, shrink) for frame in frames if f"/{camera}_" in frame["file_path"]]
 
 
 def _view(folder: Path, frame: dict[str, Any], shrink: int) -> Arrays:

@@ -114,8 +114,8 @@ def check_colmap(folder: Path) -> Iterator[str]:
         twins = (frame.get("clean_plate_path"), *frame.get("weather_paths", {}).values())
         for twin in (folder / path for path in twins if path):
             # A twin may be replayed later, or by another rig.
-            if twin.parents[2].is_dir() and not twin.exists():
-                yield f"{folder.name}: {frame['file_path']} has no twin in {twin.parents[3].name}"
+            if twin.parents[1].is_dir() and not twin.exists():
+                yield f"{folder.name}: {frame['file_path']} has no twin in {twin.parents[2].name}"
 
 
 def _check_list(folder: Path, parts: tuple[str, ...], names: Iterable[str]) -> Iterator[str]:

@@ -357,17 +357,16 @@ def _pictures(sequence: SlamSequence, period_s: float) -> Iterator[tuple[int, by
     if not cameras:
         return
     name = cameras[0].name
+    place = sequence.files.place
     places = (
-        sequence.files.place("colmap") / "images" / name,
-        sequence.files.place("raw") / f"rgb_{name}",
-        sequence.files.place("euroc") / "cam0" / "data",
+        (place("colmap") / "images", f"{name}_{'?' * 19}.png"),
+        (place("raw") / f"rgb_{name}", "*.png"),
+        (place("euroc") / "cam0" / "data", "*.png"),
     )
-    folder = next((place for place in places if place.is_dir()), None)
-    if folder is None:
-        return
+    files = next((files for folder, pattern in places if (files := sorted(folder.glob(pattern)))), [])
     following_ns = 0
-    for file in sorted(folder.glob("*.png")):
-        stamp_ns = int(file.stem)
+    for file in files:
+        stamp_ns = int(file.stem.rpartition("_")[2])
         if stamp_ns < following_ns:
             continue
         following_ns = stamp_ns + round(0.999e9 * period_s)

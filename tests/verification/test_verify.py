@@ -72,11 +72,11 @@ def lose_a_sweep(data: Path) -> None:
 
 
 def lose_a_view(data: Path) -> None:
-    sorted((data / SEQUENCE / "colmap/images/left").iterdir())[3].unlink()
+    sorted((data / SEQUENCE / "colmap/images").glob("left_*"))[3].unlink()
 
 
 def lose_a_clean_plate(data: Path) -> None:
-    (data / "straight/ClearNoon_static/colmap/images/left").mkdir(parents=True)
+    (data / "straight/ClearNoon_static/colmap/images").mkdir(parents=True)
 
 
 def add_a_file(data: Path) -> None:
@@ -113,8 +113,8 @@ DAMAGES: list[tuple[Callable[[Path], None], str]] = [
     (tell_a_wrong_count, "/imu/data has 200 messages instead of 201"),
     (lose_a_label, "kitti has unequal counts: velodyne 19, labels 18"),
     (lose_a_sweep, "nuscenes: 1 files are missing, the first is sweeps/LIDAR_TOP/"),
-    (lose_a_view, "colmap: 1 files are missing, the first is images/left/"),
-    (lose_a_clean_plate, "colmap: images/left/1672531200000000000.png has no twin in ClearNoon_static"),
+    (lose_a_view, "colmap: 1 files are missing, the first is images/left_"),
+    (lose_a_clean_plate, "colmap: images/left_1672531200000000000.png has no twin in ClearNoon_static"),
     (add_a_file, f"{SEQUENCE}/notes.txt: not part of the dataset"),
     (move_the_lidar, "LiDAR does not fit /camera/left/depth"),
     (turn_the_imu, "IMU does not fit the truth: accelerations"),

@@ -7,6 +7,7 @@ the first pixel lies at 0.5.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -140,7 +141,7 @@ class ColmapWriter(FollowingWriter):
             return
         kind, name = piece.place.split("/", 1)
         path = self._file(kind, name, piece.stamp_ns)
-        (self._part / path).parent.mkdir(parents=True, exist_ok=True)
+        (self._part / path).parent.mkdir(exist_ok=True)
         (self._part / path).write_bytes(piece.data)
         self._files.add(path)
         if kind == _IMAGES:
@@ -149,8 +150,8 @@ class ColmapWriter(FollowingWriter):
             self._views.append(_View(camera, piece.stamp_ns, T))
 
     def _file(self, kind: str, camera: str, stamp_ns: int) -> str:
-        """Path of a picture; COLMAP finds a mask by its picture's whole name."""
-        name = f"{kind}/{camera}/{self.encoder.unix_ns(stamp_ns)}.png"
+        """Path of a picture, whose name is unique without its folder; COLMAP finds a mask by that name."""
+        name = f"{kind}/{camera}_{self.encoder.unix_ns(stamp_ns)}.png"
         return f"{name}.png" if kind == _MASKS else name
 
     def _sow(self) -> None:
@@ -222,7 +223,9 @@ class ColmapWriter(FollowingWriter):
         with (sparse / "images.txt").open("w", encoding="utf-8") as file:
             for number, view in enumerate(self._views, start=1):
                 name = self._file(_IMAGES, view.camera.name, view.stamp_ns).removeprefix(f"{_IMAGES}/")
-                file.write(f"{number} {_pose(view)} {numbers[view.camera.name]} {name}\n\n")
+                pose = _pose(transforms.invert(view.T_world_camera))
+                file.write(f"{number} {pose} {numbers[view.camera.name]} {name}\n\n")
+        self._write_rig(sparse, numbers)
         with (sparse / "points3D.txt").open("w", encoding="utf-8") as file:
             rows = zip(seeds["xyz"].tolist(), seeds["rgb"].tolist(), strict=True)
             file.writelines(
@@ -230,6 +233,24 @@ class ColmapWriter(FollowingWriter):
                 for k, ((x, y, z), (r, g, b)) in enumerate(rows, 1)
             )
         (self._part / "transforms.json").write_text(json.dumps(self._transforms(), indent=1) + "\n")
+
+    def _write_rig(self, sparse: Path, numbers: Mapping[str, int]) -> None:
+        """Write the rig, whose frame is that of its first camera, and its pose at each instant."""
+        if not numbers:
+            return
+        mounts = {name: self._cameras[name].T_base_camera for name in numbers}
+        T_base_rig = next(iter(mounts.values()))
+        T_camera_rig = {name: transforms.invert(mount) @ T_base_rig for name, mount in mounts.items()}
+        others = [f"CAMERA {number} 1 {_pose(T_camera_rig[name])}" for name, number in numbers.items()][1:]
+        (sparse / "rigs.txt").write_text(" ".join([f"1 {len(numbers)} CAMERA 1", *others]) + "\n")
+        instants = groupby(enumerate(self._views, start=1), lambda numbered: numbered[1].stamp_ns)
+        with (sparse / "frames.txt").open("w", encoding="utf-8") as file:
+            for frame, (_, numbered) in enumerate(instants, start=1):
+                views = list(numbered)
+                view = views[0][1]
+                pose = _pose(transforms.invert(view.T_world_camera @ T_camera_rig[view.camera.name]))
+                images = " ".join(f"CAMERA {numbers[view.camera.name]} {image}" for image, view in views)
+                file.write(f"{frame} 1 {pose} {len(views)} {images}\n")
 
     def _transforms(self) -> dict[str, Any]:
         """The content of ``transforms.json``, of the cameras with the first one's lens model."""
@@ -289,8 +310,7 @@ def _camera_line(camera: CameraCalibration, number: int) -> str:
     return f"{number} {_MODELS[lens.model]} {p.width_px} {p.height_px} {numbers}\n"
 
 
-def _pose(view: _View) -> str:
-    """Quaternion (w first) and translation that map the world to the camera."""
-    T = transforms.invert(view.T_world_camera)
+def _pose(T: Array) -> str:
+    """Quaternion (w first) and translation of a transform."""
     x, y, z, w = transforms.matrix_to_quat(T[:3, :3]).tolist()
     return " ".join(f"{value:.15g}" for value in (w, x, y, z, *T[:3, 3].tolist()))
