@@ -14,8 +14,9 @@ LENGTH_MAX = 600
 class CarlaLocError(Exception):
     """Base of all errors that a user can cause or cure; its message is one printable line."""
 
-    def __init__(self, message: str) -> None:
-        super().__init__(_one_line(message))
+    def __init__(self, message: object) -> None:
+        # Gymnasium's vectors make an error anew of the error itself.
+        super().__init__(_one_line(str(message)))
 
 
 class ConfigError(CarlaLocError):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_TICKS
 from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
+from carlaloc_env.core.opengl_process import check_opengl
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.envs.base_env import BaseEnv, plain
 from carlaloc_env.envs.human_window import HumanWindow, view_from_seat
@@ -108,9 +109,12 @@ class CarlaLocEnv(BaseEnv):
             ConfigError: the seed is no whole number of 0 or more, or an option is unknown or does not fit.
             MapError: no route leads where it is asked to.
             ClosedError: the environment has been closed.
+            RenderError: the rig has cameras, and OpenGL is missing or lost by a fork.
         """
         start = EpisodeStart.of({"route": self._route, "start": self._start, **(options or {})})
         self._begin(seed)
+        if isinstance(self._rig, SensorRig) and self._rig.of_kind("camera"):
+            check_opengl()
         drive_seed = int(self.np_random.integers(2**31))
         route = route_of(start, self._town, self.np_random)
         level = self._default_traffic if start.traffic is None else start.traffic

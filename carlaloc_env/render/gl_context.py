@@ -8,6 +8,7 @@ from typing import Any
 import moderngl
 
 from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.opengl_process import begin_opengl
 
 PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 """Debian and Ubuntu packages that bring OpenGL to a machine without a GPU."""
@@ -21,8 +22,9 @@ def create_context() -> moderngl.Context:
     The device of a machine with several GPUs is chosen by ``GLCONTEXT_DEVICE_INDEX``.
 
     Raises:
-        RenderError: there is no OpenGL 4.3; the message names the packages to install.
+        RenderError: there is no OpenGL 4.3, with the packages to install; or this process is a fork.
     """
+    begin_opengl()
     _load_triton_first()
     index = int(os.environ.get("GLCONTEXT_DEVICE_INDEX", "0"))
     settings: Any = {"backend": "egl", "device_index": index}

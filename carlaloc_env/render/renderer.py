@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.opengl_process import check_opengl, lost_by_fork
 from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
 from carlaloc_env.render.geometry.geometry_pass import GeometryPass, distance_m
 from carlaloc_env.render.geometry.occlusion_culling import Depths
@@ -144,7 +145,11 @@ class SceneRenderer:
 
         Returns:
             Function that draws it; to be called once.
+
+        Raises:
+            RenderError: this process is a fork of the renderer's.
         """
+        check_opengl()
         x, y, z = (SWAY_S * float(speed) for speed in np.asarray(wind_mps, dtype=np.float64))
         sway = (x, y, z, stamp_ns % SWAY_PERIOD_NS * 1e-9)
         view = CameraView.of(camera, T_world_camera, self._subsamples, velocity_mps)
@@ -284,6 +289,8 @@ class SceneRenderer:
         if self._closed:
             return
         self._closed = True
+        if lost_by_fork():
+            return
         with self._context:
             self._shader.release()
             self._pool.release()

@@ -3,6 +3,7 @@
 import argparse
 import logging
 import os
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
@@ -10,7 +11,7 @@ from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn, TextIO, cast
+from typing import Any, NoReturn, TextIO, cast
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import CarlaLocError, UsageError
@@ -139,7 +140,14 @@ def _fail(command: str, message: str, *, as_json: bool, code: int = EXIT_ERROR) 
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that raises its messages about wrong words, so that `--json` can report them."""
+    """A parser that raises its messages about wrong words, so that `--json` can report them.
+
+    A word that begins with a minus and a digit is a value: -1.5,2 and -2s as well as -1.
+    """
+
+    def __init__(self, *words: Any, **settings: Any) -> None:
+        super().__init__(*words, **settings)
+        self._negative_number_matcher = re.compile(r"-(\.?\d|inf|nan)", re.IGNORECASE)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the words of a command.

@@ -3,16 +3,18 @@
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 from shared_fixtures.drives.straight_drives import MakeEnv
 
 import carlaloc_env  # noqa: F401  registers the environments
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.weather.schedule import weather_of
 
@@ -126,6 +128,26 @@ def test_new_processes_know_the_environments_of_their_parent(
     command = [sys.executable, str(program), context, str(straight_map)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.stdout.splitlines() == ["True"], done.stderr
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_fork_of_a_process_that_drew_gives_an_error_at_once(closed: bool, make_env: MakeEnv) -> None:
+    """Not a wait for the driver's threads, which a fork lacks; new processes draw, and so does the parent."""
+    env = make_env(rig="minimal")
+    env.reset(seed=0)
+    if closed:
+        env.close()
+    envs = AsyncVectorEnv([lambda: make_env(rig="minimal")], context="fork")
+    begun = time.monotonic()
+    with pytest.raises(RenderError, match='context="spawn"'):
+        envs.reset(seed=1)
+    assert time.monotonic() - begun < 5.0
+    envs.close()
+    if not closed:
+        env.step(GO)
+    of_forks = AsyncVectorEnv([lambda: make_env(rig="state")], context="fork")
+    of_forks.reset(seed=1)
+    of_forks.close()
 
 
 def test_the_entry_point_registers_all_environments_once() -> None:

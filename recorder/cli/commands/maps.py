@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "town.xodr", "town.toml", "features.geojson", "LICENCE", "report.json", "preview.png"
     )
     imported.add_argument("--out", type=files, required=True, help="folder of the town")
-    option(imported, "--bbox", numbers, "W,S,E,N", "part of the file, in degrees; --bbox=-1.5,… if W < 0")
+    option(imported, "--bbox", numbers, "W,S,E,N", "part of the file, in degrees")
     option(imported, "--heights", input_path, "RASTER", "heights of the land, such as a GeoTIFF")
     imported.add_argument("--name", default="", metavar="NAME", help="the town's name (default: the file's)")
     imported.add_argument(
