@@ -28,7 +28,7 @@ def import_town(
     """Make a town of an extract of OpenStreetMap, and return the report on it.
 
     Args:
-        source: An .osm, .osm.gz or .osm.pbf file.
+        source: An .osm, .osm.gz, .osm.bz2 or .osm.pbf file.
         out: Folder of the town; its map is `town.xodr`.
         box: West, south, east, north [deg]; None: the whole file.
         name: Name of the town; empty: that of the file.

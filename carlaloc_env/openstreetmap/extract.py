@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import re
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +27,24 @@ WIDEST_DEG = 0.5
 """Widest side of a box that is read [deg]."""
 _BEGINNINGS = {b"\x1f\x8b": "osm.gz", b"BZh": "osm.bz2", b"OSMHeader": "osm.pbf"}
 """Bytes among a file's first ones, and its format as osmium calls it; others are bare XML."""
+_OTHERS = {
+    b"pk\x03\x04": "a ZIP archive; unpack it by unzip",
+    b"7z\xbc\xaf": "a 7z archive; unpack it by 7z x",
+    b"\xfd7zxz": "packed by xz; unpack it by unxz",
+    b"\x28\xb5\x2f\xfd": "packed by Zstandard; unpack it by zstd -d",
+    b"\xff\xe0\x04o5m": "an .o5m file; convert it by osmconvert to .osm.pbf",
+    b"{": "JSON; ask Overpass for [out:xml], or give an .osm file",
+    b"<!doctype html": "a web page; download the extract again",
+    b"<html": "a web page; download the extract again",
+    b"<osmchange": "a list of changes; apply it to an extract by osmium apply-changes",
+    b"<opendrive": "an OpenDRIVE map; give it to --map as it is",
+}
+"""Beginnings of files that are no extracts, in lower case and without an XML declaration."""
+_LANELET2 = "a Lanelet2 map, no extract of OpenStreetMap; give an extract, or its OpenDRIVE to --map"
+_DELETED = re.compile(
+    rb"<(way|relation|node)\s(?=[^>]*\baction=[\"']delete[\"'])[^>]*?\bid=[\"'](-?\d+)[\"']"
+)
+_BLOCK_BYTES = 1 << 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +77,8 @@ class Extract:
     relations: list[Relation] = field(default_factory=list)
     broken: list[int] = field(default_factory=list)
     """Ways with fewer than two known nodes."""
+    deleted: list[str] = field(default_factory=list)
+    """Ways and relations that an editor has marked as deleted."""
     geo: GeoReference = field(default_factory=lambda: GeoReference(latitude_deg=0.0, longitude_deg=0.0))
     """The origin of the world, in the middle of the nodes."""
     xy_m: dict[int, tuple[float, float]] = field(default_factory=dict)
@@ -91,8 +115,13 @@ def read_extract(path: Path, box: Box | None = None) -> Extract:
                 break
         elif kind == "way":
             extract.ways[item.id] = item
+        elif kind == "deleted":
+            extract.deleted.append(item)
         else:
             extract.relations.append(item)
+    lanelets = any(relation.tags.get("type") == "lanelet" for relation in extract.relations)
+    if lanelets and not any("highway" in way.tags for way in extract.ways.values()):
+        raise MapError(f"{path} is {_LANELET2}")
     _cut(extract, kept, box)
     if not extract.degrees:
         raise MapError(_elsewhere(path, kept, box))
@@ -106,23 +135,32 @@ def read_extract(path: Path, box: Box | None = None) -> Extract:
 
 
 def _elements(path: Path) -> Iterator[tuple[str, Any]]:
-    """Nodes as (id, lon, lat, tags), ways and relations, without what was deleted."""
+    """Nodes as (id, lon, lat, tags), ways and relations that were not deleted; names of those that were."""
     # Here, since few commands need it.
     import osmium
     from osmium import osm
 
     try:
         with path.open("rb") as file:
-            begin = file.read(16)
+            begin = file.read(1024)
     except OSError as error:
         raise MapError(f"cannot read {path}: {error.strerror}; give an .osm or .osm.pbf file") from error
-    kind = next((kind for sign, kind in _BEGINNINGS.items() if sign in begin), "osm")
+    head = re.sub(rb"^(\xef\xbb\xbf)?\s*(<\?[^>]*>\s*|<!--.*?-->\s*)*", b"", begin, flags=re.DOTALL)
+    for first, other in _OTHERS.items():
+        if head.lower().startswith(first):
+            raise MapError(f"{path} is {other}")
+    kind = next((kind for sign, kind in _BEGINNINGS.items() if sign in begin[:16]), "osm")
     try:
+        deleted = set() if kind == "osm.pbf" else _deleted(path, kind)
         for item in osmium.FileProcessor(osmium.io.File(str(path), kind)):
             if isinstance(item, osm.Area | osm.Changeset) or not item.visible:
                 continue
             tags = dict(item.tags) if item.tags else {}
-            if isinstance(item, osm.Way):
+            sort = item.type_str()
+            if (sort, item.id) in deleted:
+                if sort != "n" and tags:
+                    yield "deleted", f"{'way' if sort == 'w' else 'relation'}/{item.id}"
+            elif isinstance(item, osm.Way):
                 yield "way", Way(item.id, tuple(node.ref for node in item.nodes), tags)
             elif isinstance(item, osm.Relation):
                 members = tuple((member.type, member.ref, member.role) for member in item.members)
@@ -131,17 +169,41 @@ def _elements(path: Path) -> Iterator[tuple[str, Any]]:
                 yield "node", (item.id, item.location.lon, item.location.lat, tags)
     except (ValueError, osmium.InvalidLocationError) as error:
         raise MapError(
-            f"{path} has no number where one belongs: {error}; download the extract again"
+            f"{path} is {_LANELET2}"
+            if b"local_x" in begin
+            else f"{path} has no number where one belongs: {error}; download the extract again"
         ) from error
-    except RuntimeError as error:
+    except (RuntimeError, OSError, EOFError, zlib.error) as error:
         raise MapError(
             f"cannot read {path}: no whole .{kind} file ({error}); download the extract again"
         ) from error
 
 
+def _deleted(path: Path, kind: str) -> set[tuple[str, int]]:
+    """Kinds (`n`, `w`, `r`) and ids of elements marked as deleted by an editor; osmium passes no marks on.
+
+    Raises:
+        MapError: the server that made the file gave up before its end.
+    """
+    openers: dict[str, Any] = {"osm.gz": gzip.open, "osm.bz2": bz2.open, "osm": open}
+    names: set[tuple[str, int]] = set()
+    rest = b""
+    with openers[kind](path, "rb") as file:
+        while block := file.read(_BLOCK_BYTES):
+            text = rest + block
+            names |= {(sort[:1].decode(), int(number)) for sort, number in _DELETED.findall(text)}
+            rest = text[max(text.rfind(b"<"), 0) :]
+            remark = re.search(rb"<remark>([^<]*error[^<]*)", text)
+            if remark:
+                why = remark[1].decode(errors="replace").strip()
+                raise MapError(f"{path} is not whole: {why}; ask for a smaller box")
+    return names
+
+
 def _cut(extract: Extract, kept: dict[int, tuple[float, float]], box: Box | None) -> None:
     """Keep what lies in the box: streets end where they cross it, all else stays whole."""
-    fresh = -1
+    # Editors number new elements by -1, -2, …
+    fresh = min([0, *kept, *extract.ways]) - 1
     for way in list(extract.ways.values()):
         nodes_inside = [node for node in way.nodes if node in kept]
         if len(nodes_inside) < 2:

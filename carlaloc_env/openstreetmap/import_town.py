@@ -33,6 +33,7 @@ from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.settings import settings_text
 from carlaloc_env.openstreetmap.settling import settle
 from carlaloc_env.openstreetmap.tags import LANE_M, Street, read_street
+from carlaloc_env.openstreetmap.turning_places import FIRST_ID
 
 FILES = ("town.xodr", "town.toml", "features.geojson", "LICENCE", "report.json", "preview.png")
 """Files of the folder."""
@@ -72,7 +73,7 @@ def import_town(
     """Make a town of an extract.
 
     Args:
-        source: An .osm, .osm.gz or .osm.pbf file.
+        source: An .osm, .osm.gz, .osm.bz2 or .osm.pbf file.
         box: West, south, east, north [deg]; None: the whole file.
         name: Name of the town; empty: that of the file.
         heights: Raster of the land's heights; None: a flat town.
@@ -256,15 +257,16 @@ def _report(
     drives_on: str,
     land: Land | None,
 ) -> dict[str, Any]:
-    own = [c for c in chains if c.pieces[0].way > 0 or c.pieces[-1].way > 0]
-    lost = sum(c.length_m for c in dropped if c.pieces[0].way > 0)
-    pieces = [piece for chain in own for piece in chain.pieces if piece.way > 0]
+    own = [c for c in chains if c.pieces[0].way > FIRST_ID or c.pieces[-1].way > FIRST_ID]
+    lost = sum(c.length_m for c in dropped if c.pieces[0].way > FIRST_ID)
+    pieces = [piece for chain in own for piece in chain.pieces if piece.way > FIRST_ID]
     guessed = Counter(tag for piece in pieces for tag in piece.street.guesses)
-    left_out = {f"way/{way}": why for way, why in graph.left_out.items() if way > 0}
+    left_out = {f"way/{way}": why for way, why in graph.left_out.items() if way > FIRST_ID}
     left_out |= {
-        f"way/{p.way}": "its junctions are too tight" for c in dropped for p in c.pieces if p.way > 0
+        f"way/{p.way}": "its junctions are too tight" for c in dropped for p in c.pieces if p.way > FIRST_ID
     }
     left_out |= {f"way/{way}": "fewer than two of its nodes are in the file" for way in extract.broken}
+    left_out |= dict.fromkeys(extract.deleted, "deleted in an editor")
     left_out |= features.left_out
     kinds = Counter(feature.kind for feature in features.all)
     buildings = features.of("building")
@@ -297,7 +299,7 @@ def _report(
         + [
             f"way/{chains[k].pieces[0].way}: {gap:.1f} m off the land, by its grade or its bridge"
             for k, gap in network.heights.off_m.items()
-            if gap > OFF_LAND_M and chains[k].pieces[0].way > 0
+            if gap > OFF_LAND_M and chains[k].pieces[0].way > FIRST_ID
         ],
         "left_out": left_out,
     }

@@ -21,6 +21,8 @@ ALONE_M = 3.5
 """Width of a one-way street's only lane, between two kerbs, where no tag says it [m]; at least."""
 MOST_LANES = 6
 """Most lanes of one direction."""
+TOWN_CLASSES = ("residential", "living_street")
+"""Classes of streets that only towns have."""
 _MPH, _KNOT = 1.609344, 1.852
 _NUMBER = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(mph|knots|km/h|kmh|kph|m|ft|')?", re.IGNORECASE)
 _YES = ("yes", "1", "true")
@@ -89,11 +91,13 @@ def read_street(way: Way, country: Country, in_town: bool, *, left: bool) -> Str
     Args:
         way: A way for cars, whose one-way traffic runs along its nodes.
         country: Rules where no sign stands.
-        in_town: Whether houses stand beside it.
+        in_town: Whether houses stand beside it; for its limit its class and tags count, too.
         left: Whether traffic keeps to the left; sides are then mirrored.
     """
     tags, guesses = way.tags, []
     kind = tags["highway"]
+    zone = _zone(tags)
+    urban = kind in TOWN_CLASSES or "urban" in zone or (in_town and "rural" not in zone)
     rank, lane_m = CLASSES[kind]
     oneway = direction(tags) != 0
     lanes, tagged = _lanes(tags, oneway, kind)
@@ -105,10 +109,12 @@ def read_street(way: Way, country: Country, in_town: bool, *, left: bool) -> Str
     else:
         guesses.append("width")
         lane_m = max(lane_m, ALONE_M) if lanes == (1, 0) else lane_m
-    limit = _limit(tags.get("maxspeed") or tags.get("maxspeed:forward"), country)
+    signs = (tags.get(key) for key in ("maxspeed", "maxspeed:forward", "maxspeed:backward"))
+    limits = (_limit(text, country) for text in (*signs, zone))
+    limit = next((kmh for kmh in limits if kmh is not None), None)
     if limit is None:
         guesses.append("maxspeed")
-        limit = _usual_limit(kind, country, in_town)
+        limit = _usual_limit(kind, country, urban)
     walks, stated = _walks(tags, kind, limit, in_town)
     if not stated:
         guesses.append("sidewalk")
@@ -128,7 +134,7 @@ def read_street(way: Way, country: Country, in_town: bool, *, left: bool) -> Str
         level=_level(tags),
         ring=tags.get("junction") in ("roundabout", "circular"),
         surface=_SURFACES.get(tags.get("surface", ""), "asphalt"),
-        kind=_kind(kind, in_town),
+        kind=_kind(kind, urban),
         guesses=tuple(guesses),
     )
 
@@ -183,8 +189,15 @@ def _limit(text: str | None, country: Country) -> float | None:
     ):  # fmt: skip
         if word in text:
             return limit
-    value = number(text)
+    value = number(text.rpartition(":")[2])
     return value if value is not None and 5.0 <= value <= 140.0 else None
+
+
+def _zone(tags: Tags) -> str:
+    """Kind of zone or of limit that tags state, such as DE:urban, DE:zone:30."""
+    keys = ("maxspeed:type", "source:maxspeed", "zone:maxspeed", "zone:traffic", "maxspeed:source")
+    zones = (tags[key] for key in keys if key in tags)
+    return next((zone.lower() for zone in zones if ":" in zone), "")
 
 
 def _usual_limit(kind: str, country: Country, in_town: bool) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.ring_maps import ring_map
 
-from recorder.cli.main import main
+from recorder.cli.main import main, make_parser
 
 Capture = pytest.CaptureFixture[str]
 
@@ -115,6 +115,24 @@ def test_maps_check_ends_with_1_for_what_hinders_driving(tmp_path: Path, capfd: 
     path.write_text(ring_map().replace('"driving"', '"restricted"'), encoding="utf-8")
     report = run_json(capfd, "maps", "check", str(path), code=1)["report"]
     assert any("no lane is of type driving" in problem["message"] for problem in report["problems"])
+
+
+@pytest.mark.parametrize(
+    ("words", "name", "value"),
+    [
+        ("maps import a.osm --out o --bbox -76.62,39.28,-76.60,39.29", "bbox", (-76.62, 39.28, -76.6, 39.29)),
+        ("closedloop Town01 --out o --offset -.3,0.3", "offset", (-0.3, 0.3)),
+        ("evaluate a.tum --truth b.tum --time-offset -1e-3", "time_offset", -1e-3),
+    ],
+)
+def test_negative_numbers_are_values_as_typed(words: str, name: str, value: Any) -> None:
+    assert getattr(make_parser().parse_args(words.split()), name) == value
+
+
+def test_negative_values_are_refused_by_their_own_rule(capfd: Capture) -> None:
+    """Of an option that takes no negative number, not as an unknown option."""
+    assert main(["replay", "drive.mcap", "--out", "o", "--start", "-2s"]) == 2
+    assert "-2s is negative" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import osmium
@@ -16,9 +20,12 @@ from carlaloc_env.openstreetmap.extract import read_extract
 from carlaloc_env.openstreetmap.import_town import import_town
 
 
-def test_plain_and_packed_files_hold_the_same(tmp_path: Path) -> None:
-    sketch = village()
-    plain, packed = (read_extract(sketch.write(tmp_path / name)) for name in ("a.osm", "a.osm.gz"))
+@pytest.mark.parametrize("packer", [gzip, bz2])
+def test_plain_and_packed_files_hold_the_same(packer: Any, tmp_path: Path) -> None:
+    """Whatever their names."""
+    plain_file = village().write(tmp_path / "a.osm")
+    (tmp_path / "packed.osm").write_bytes(packer.compress(plain_file.read_bytes()))
+    plain, packed = read_extract(plain_file), read_extract(tmp_path / "packed.osm")
     assert plain.xy_m == packed.xy_m
     assert {key: way.tags for key, way in plain.ways.items()} == {
         key: way.tags for key, way in packed.ways.items()
@@ -47,6 +54,22 @@ def test_deleted_elements_are_left_out(suffix: str, tmp_path: Path) -> None:
     extract = read_extract(path.rename(tmp_path / "renamed"))
     assert sorted(extract.degrees) == [1, 3]
     assert [(way.id, way.tags) for way in extract.ways.values()] == [(4, street)]
+
+
+def test_elements_deleted_in_an_editor_are_left_out_and_counted(tmp_path: Path) -> None:
+    """As if they were not in the file; new elements, numbered from -1 down, keep their places in any box."""
+    sketch = village()
+    text = sketch.write(tmp_path / "a.osm").read_text()
+    block = next(way for way in re.findall("<way.*?</way>", text, re.DOTALL) if "Back Lane" in way)
+    new = "<node id='-1' lon='{}' lat='{}'/>".format(*sketch.degrees[1])
+    (tmp_path / "b.osm").write_text(text.replace(block, "").replace("<way", f"{new}<way", 1))
+    deleted = block.replace("<way", '<way action="delete"', 1)
+    (tmp_path / "a.osm").write_text(text.replace(block, deleted).replace("<way", f"{new}<way", 1))
+    box = (*(value - 1e-3 for value in sketch.degrees[1]), *(value + 1e-3 for value in sketch.degrees[1]))
+    edited, right = (read_extract(tmp_path / file, box) for file in ("a.osm", "b.osm"))
+    assert (edited.ways, edited.degrees) == (right.ways, right.degrees)
+    assert edited.degrees[-1] == pytest.approx(sketch.degrees[1])
+    assert list(import_town(tmp_path / "a.osm").report["left_out"].values()) == ["deleted in an editor"]
 
 
 def test_nodes_lie_where_they_were_drawn(tmp_path: Path) -> None:
@@ -90,6 +113,20 @@ def test_a_box_cuts_streets_where_they_cross_it(tmp_path: Path) -> None:
             b"<tag k='highway' v='residential'/></way></osm>",
             "no street for cars",
         ),
+        (b"PK\x03\x04rest", "unzip"),
+        (b"\x28\xb5\x2f\xfdrest", "zstd -d"),
+        (b"\xfd7zXZ\x00rest", "unxz"),
+        (b'{"elements": []}', r"out:xml"),
+        (b"<!DOCTYPE html><html/>", "a web page"),
+        (b"<osmChange><modify/></osmChange>", "apply-changes"),
+        (b"<OpenDRIVE/>", "an OpenDRIVE map"),
+        (b"<osm><remark>runtime error: out of memory</remark></osm>", "not whole: runtime error"),
+        (
+            b"<osm version='0.6'><node id='1' lon='1' lat='2'/><way id='2'/><relation id='3'>"
+            b"<tag k='type' v='lanelet'/></relation></osm>",
+            "Lanelet2",
+        ),
+        (b"<osm version='0.6'><node id='1' lon='' lat=''><tag k='local_x' v='3'/></node></osm>", "Lanelet2"),
     ],
 )
 def test_what_is_no_extract_gives_one_line(content: bytes, words: str, tmp_path: Path) -> None:

@@ -52,6 +52,9 @@ def test_a_lane_between_two_kerbs_is_wider() -> None:
         ({"maxspeed": "none"}, 130.0),
         ({"maxspeed": "fast"}, 50.0),
         ({"highway": "living_street"}, 10.0),
+        ({"highway": "tertiary", "zone__maxspeed": "AT:30"}, 30.0),
+        ({"highway": "tertiary", "maxspeed__type": "AT:rural"}, 100.0),
+        ({"maxspeed__backward": "40"}, 40.0),
     ],
 )
 def test_limits(tags: dict[str, str], kmh: float) -> None:
@@ -59,7 +62,9 @@ def test_limits(tags: dict[str, str], kmh: float) -> None:
 
 
 def test_limits_without_a_tag_are_those_of_the_country() -> None:
-    assert street(in_town=False).speed_kmh == 100.0
+    assert street(in_town=False, highway="unclassified").speed_kmh == 100.0
+    assert street(in_town=False, highway="unclassified", source__maxspeed="AT:urban").speed_kmh == 50.0
+    assert street(in_town=False).speed_kmh == 50.0, "by its class, where few houses are mapped"
     assert street(left=True).speed_kmh == pytest.approx(48.28, abs=0.01)
     assert "maxspeed" in street().guesses
     assert "maxspeed" not in street(maxspeed="30").guesses
