@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import logging
+import re
 import struct
 from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeAlias
+from typing import Any, BinaryIO, TypeAlias
 
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
-from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.rosbag2 import storage_mcap
+from rosbags.rosbag2.storage_mcap import McapReader, get_msgdef
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from recorder.bags.definitions import add_definitions
 from recorder.bags.files import files_of_bag
 
+_LOG = logging.getLogger(__name__)
 _CURES = {
     "not indexed": "{bag} was not closed by its recorder and has no index; run: rosbag reindex {bag}",
     "File end magic": "{bag} was cut off and lacks its end; run: mcap recover {bag} -o whole.mcap",
@@ -48,9 +52,8 @@ def open_bag(bag: Path) -> Iterator[AnyReader]:
             paths = files_of_bag(bag, scratch)
             try:
                 reader = stack.enter_context(_reader(paths))
-            except AnyReaderError as error:
-                if not any(words in str(error) for words in ("Could not parse", "hash mismatch")):
-                    raise
+            except Exception:
+                # Whatever rosbags makes of a definition; of a damaged file, the same error follows.
                 reader = _reader(paths)
                 reader.readers = [_Lenient(part) for part in reader.readers]  # type: ignore[assignment]
                 stack.enter_context(reader)
@@ -70,6 +73,19 @@ def _reader(paths: Sequence[Path]) -> AnyReader:
 class _McapFile(McapReader):
     """Reads files whose summary lacks a part, and unsorted messages without chunks; rosbags does not."""
 
+    def open(self) -> None:
+        """Open the file; topics of other encodings (JSON, Protobuf) are passed over."""
+        definition, text = storage_mcap.get_msgdef, storage_mcap.read_string
+        storage_mcap.get_msgdef, storage_mcap.read_string = _definition, _text
+        try:
+            super().open()
+        finally:
+            storage_mcap.get_msgdef, storage_mcap.read_string = definition, text
+        others = [c.topic for c in self.connections if c.ext.serialization_format != "cdr"]  # type: ignore[union-attr]
+        if others:
+            _LOG.info("%s: passed over, not of ROS 2: %s", self.path, ", ".join(others))
+        self.connections[:] = [c for c in self.connections if c.topic not in others]
+
     def read_index(self) -> None:
         super().read_index()
         bare = [chunk for chunk in self.chunks if not chunk.channel_count]
@@ -84,6 +100,15 @@ class _McapFile(McapReader):
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
         read = super().messages if self.chunks else self.messages_scan
         yield from read(connections, start, stop)
+
+
+def _definition(schema: storage_mcap.Schema | None) -> MessageDefinition:
+    ours = schema is not None and schema.encoding in ("ros2msg", "ros2idl", "omgidl", "")
+    return get_msgdef(schema if ours else None)
+
+
+def _text(bio: BinaryIO) -> str:
+    return storage_mcap.read_bytes(bio).decode(errors="replace")
 
 
 class _Lenient:
@@ -111,8 +136,11 @@ def _understood(connection: Connection) -> Connection:
     try:
         if connection.msgdef.format == MessageDefinitionFormat.MSG:
             get_types_from_msg(connection.msgdef.data, connection.msgtype)
+        elif connection.msgdef.format == MessageDefinitionFormat.IDL:
+            for part in re.split(r"^=+\nIDL: .*\n", connection.msgdef.data, flags=re.MULTILINE):
+                get_types_from_idl(part)
         return connection._replace(digest="")
-    except TypesysError:
+    except (TypesysError, AssertionError):
         nothing = MessageDefinition(MessageDefinitionFormat.NONE, "")
         return connection._replace(digest="", msgdef=nothing)
 

@@ -87,6 +87,36 @@ def test_an_unnamed_distribution_is_reported(tmp_path: Path, caplog: pytest.LogC
     assert "names no ROS distribution" in caplog.messages[0]
 
 
+@pytest.mark.parametrize(
+    "how", [{}, {"repeat_schemas": False, "repeat_channels": False}, {"use_chunking": False}]
+)
+@pytest.mark.parametrize(
+    ("encoding", "schema", "data"),
+    [
+        ("json", "jsonschema", b"{}"),
+        ("protobuf", "protobuf", b"\x0a\xff\xfe"),
+        ("cdr", "ros2idl", b"module a { struct"),
+        ("cdr", "ros2msg", b"no definition"),
+        ("json", "", b""),
+    ],
+)
+def test_topics_that_are_not_of_ros_hinder_none_beside_them(
+    encoding: str, schema: str, data: bytes, how: dict[str, bool], tmp_path: Path
+) -> None:
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = clouds.McapWriter(file, **how)
+        writer.start(profile="ros2", library="test")
+        other = writer.register_schema("a/msg/Other", schema, data) if schema else 0
+        others = writer.register_channel("/other", encoding, other)
+        ours = writer.register_channel(TOPIC, "cdr", writer.register_schema(clouds.CLOUD, "", b""))
+        for at_ns, _, message in clouds.stamped(messages(3)):
+            writer.add_message(others, log_time=at_ns, data=b"{}", publish_time=at_ns)
+            raw = bytes(JAZZY.serialize_cdr(message, clouds.CLOUD))
+            writer.add_message(ours, log_time=at_ns, data=raw, publish_time=at_ns)
+        writer.finish()
+    assert sweeps_in(tmp_path / "a.mcap") == [3, 4]
+
+
 def test_folders_without_metadata_are_the_bag_in_them(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
