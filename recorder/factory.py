@@ -28,7 +28,7 @@ from recorder.dataset.manifest import DatasetManifest, write_manifest
 from recorder.drive.standard_drives import ROUTE_M, STANDARD_SEEDS, expected_drive_s, record_drive
 from recorder.episode.episode import Episode
 from recorder.replaying.conditions import conditions_of
-from recorder.replaying.cost import ReplayCost, replay_cost
+from recorder.replaying.cost import ReplayCost, Stretch, replay_cost
 from recorder.replaying.options import ReplayConfig, ReplayOptions, rig_of
 from recorder.replaying.replay import replay
 from recorder.replaying.working_folder import OWNER, busy
@@ -116,7 +116,7 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
     kept = sum(path.stat().st_size for path in there)
     lengths_s = {town: length_s(config, town) for town in config.towns}
     workers = config.replay.workers or len(usable_cores())
-    cost = replay_cost(config.replay, [(s, s) for s in lengths_s.values()], workers)
+    cost = replay_cost(config.replay, [Stretch(s, s) for s in lengths_s.values()], workers)
     cost.check(config.out, kept_bytes=kept)
     return DatasetPlan(
         sequences=len(config.towns) * len(conditions_of(config.replay.weathers, config.replay.traffic)),
@@ -155,12 +155,17 @@ def _is_part(path: Path) -> bool:
     return path.parts[0].startswith(".") and path.name in ("unit.json", SEQUENCE)
 
 
-def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Path:
+def make_dataset(
+    config: DatasetConfig,
+    progress: Progress | None = None,
+    announce: Callable[[ReplayCost], object] | None = None,
+) -> Path:
     """Record, replay and list all drives; whole ones are kept.
 
     Args:
         config: The dataset.
         progress: Called with the progress of all drives.
+        announce: Called before each replay, and again as its first unit shows what it and later ones take.
 
     Returns:
         ``dataset.yaml``.
@@ -180,7 +185,7 @@ def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Pat
             _get_drive(config, town, report)
             lengths_s[town] = length_s(config, town)
             later = tuple(lengths_s[t] for t in config.towns[number + 1 :] if t not in plan.whole)
-            _make_drive(config, town, report, later)
+            _make_drive(config, town, report, later, announce)
         manifest = DatasetManifest.read(config.out, WriterError)
         write_manifest(config.out, manifest.drives, recipe)
         shutil.rmtree(config.out / WORK, ignore_errors=True)
@@ -269,7 +274,13 @@ def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None
     )  # fmt: skip
 
 
-def _make_drive(config: DatasetConfig, town: str, report: _DriveProgress, later_s: Sequence[float]) -> None:
+def _make_drive(
+    config: DatasetConfig,
+    town: str,
+    report: _DriveProgress,
+    later_s: Sequence[float],
+    announce: Callable[[ReplayCost], object] | None,
+) -> None:
     """Replay a drive, or resume its replay."""
     begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
     _log.info("replaying %s", town)
@@ -281,5 +292,5 @@ def _make_drive(config: DatasetConfig, town: str, report: _DriveProgress, later_
         start_s=begin_s,
         duration_s=config.sample_s,
     )
-    replay(replayed, report.replaying, later_s=later_s)
+    replay(replayed, report.replaying, later_s=later_s, announce=announce)
     _log.info("%s is whole", town)

@@ -1,5 +1,6 @@
 """Files of towns: the folder of a town made of an extract of OpenStreetMap, and a town's surfaces."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,14 @@ from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from recorder.laboratory.surface_cloud import Region, sample_surface, write_cloud, write_mesh
+from recorder.replaying.cost import SIZE_ERROR, TIME_FACTOR
+from recorder.replaying.machine_speed import slowness
 from recorder.report.town_preview import draw_town
+
+TOWN_BYTES, PREVIEW_BYTES, KM_BYTES = 1e5, 2.7e6, 1.8e5
+"""Size of a town's files, of its preview, and of a kilometre of its streets [bytes]."""
+TOWN_S, TOWN_KM_S, PREVIEW_S, PREVIEW_KM_S = 6.0, 1.0, 11.0, 3.0
+"""CPU time of an import, of a kilometre of streets, and what the preview adds to both [s]."""
 
 
 def import_town(
@@ -23,6 +31,7 @@ def import_town(
     name: str = "",
     heights: Path | None = None,
     preview: bool = True,
+    announce: Callable[[str], object] = lambda _: None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Make a town of an extract of OpenStreetMap, and return the report on it.
@@ -34,6 +43,7 @@ def import_town(
         name: Name of the town; empty: that of the file.
         heights: Raster of the land's heights; None: a flat town.
         preview: Build the town and draw `preview.png`.
+        announce: Called with size and time when the streets are known.
         overwrite: Replace an older town there.
 
     Raises:
@@ -42,7 +52,18 @@ def import_town(
         MissingDependencyError: heights need rasterio.
     """
     check_output_folder(out, files=extracts.FILES, overwrite=overwrite)
-    town = extracts.import_town(source, box=box, name=name, heights=heights, fit_turns=fit_turns)
+
+    def tell(streets_m: float) -> None:
+        size = TOWN_BYTES + PREVIEW_BYTES * preview + KM_BYTES * streets_m / 1e3
+        cpu_s = TOWN_S + PREVIEW_S * preview + (TOWN_KM_S + PREVIEW_KM_S * preview) * streets_m / 1e3
+        announce(
+            f"{streets_m / 1e3:.1f} km of streets: about {size / 1e6:.1f} MB (±{SIZE_ERROR:.0%}) and "
+            f"{slowness() * cpu_s:.0f} s of processor time (a factor of {TIME_FACTOR})"
+        )
+
+    town = extracts.import_town(
+        source, box=box, name=name, heights=heights, fit_turns=fit_turns, announce=tell
+    )
     extracts.write_town(town, out)
     if preview:
         draw_town(load_town(out / "town.xodr"), out / "preview.png", overwrite=True)

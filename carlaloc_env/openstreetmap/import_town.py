@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -69,6 +69,7 @@ def import_town(
     name: str = "",
     heights: Path | None = None,
     fit_turns: FitTurns | None = None,
+    announce: Callable[[float], object] = lambda _: None,
 ) -> ImportedTown:
     """Make a town of an extract.
 
@@ -78,6 +79,7 @@ def import_town(
         name: Name of the town; empty: that of the file.
         heights: Raster of the land's heights; None: a flat town.
         fit_turns: Fits tight turns of the default route to a car; None: it keeps to the lanes' middle.
+        announce: Called with the length of the streets [m] before they are built.
 
     Raises:
         MapError: A file cannot be read, holds no streets on which one could drive, or heights of elsewhere.
@@ -103,6 +105,7 @@ def import_town(
         extract.xy_m = {node: (x, -y) for node, (x, y) in extract.xy_m.items()}
         solid = [shapely.transform(shape, lambda xy: xy * (1.0, -1.0)) for shape in solid]
     graph = build_graph(extract, _Streets(extract, country, solid, left=left))
+    announce(graph.asked_m)
     rails = [
         (shapely.get_coordinates(f.shape) * ((1.0, -1.0) if left else 1.0), int(f.properties["layer"]))
         for f in features.of("rail")

@@ -1,6 +1,6 @@
 """The steps of the demo: a first picture of the drive, four sequences of it, scores of SLAM systems."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -103,13 +103,15 @@ def cost_of(config: DemoConfig) -> ReplayCost:
     cost = plan_replay(_replay_of(config)).cost()
     cost.check(config.out, kept_bytes=size_of(config.out))
     driven_s = len(WEATHERS) * len(TRAFFIC) * config.duration_s
-    return replace(cost, seconds=cost.seconds + LOOK_S + SYSTEMS_S * driven_s)
+    return replace(cost, cpu_s=cost.cpu_s + LOOK_S + SYSTEMS_S * driven_s)
 
 
-def replay_drive(config: DemoConfig, progress: Progress) -> ReplayResult:
+def replay_drive(
+    config: DemoConfig, progress: Progress, announce: Callable[[ReplayCost], object]
+) -> ReplayResult:
     """Write the drive as four sequences, each with a bag, EuRoC's files and a film; whole ones are kept."""
     replayed = _replay_of(config)
-    return finished_replay(replayed) or replay(replayed, progress)
+    return finished_replay(replayed) or replay(replayed, progress, announce=announce)
 
 
 def _replay_of(config: DemoConfig) -> ReplayConfig:

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import ConfigError, WriterError
@@ -17,9 +19,11 @@ from recorder.dataset.layout import DatasetFolder, DriveFolder, SequenceFolder
 from recorder.dataset.manifest import drive_origin, has_drive
 from recorder.episode.episode import Episode
 from recorder.episode.episode_town import check_kept_town, town_id_of
+from recorder.episode.traffic_level import TrafficLevel
+from recorder.replaying.camera_history import past_s
 from recorder.replaying.code_digest import code_digest
 from recorder.replaying.conditions import conditions_of
-from recorder.replaying.cost import ReplayCost, replay_cost
+from recorder.replaying.cost import ReplayCost, Stretch, replay_cost
 from recorder.replaying.options import ReplayConfig, rig_of, without_unwritten
 from recorder.replaying.recipe import Recipe, Unit, units_of
 
@@ -66,9 +70,34 @@ class ReplayPlan:
 
     def cost(self, later_s: Sequence[float] = ()) -> ReplayCost:
         """Disk and time that the replay takes, and further drives of these lengths [s]."""
-        lengths_s = [(end - first) / 1e9 for first, end in (self.span_ns, self.recipe.camera_ns)]
-        later = [(length_s, length_s) for length_s in later_s]
-        return replay_cost(self.config, [(lengths_s[0], lengths_s[1]), *later], self.processes)
+        later = [Stretch(length_s, length_s) for length_s in later_s]
+        return replay_cost(
+            self.config, [self._stretch(self.span_ns, self.recipe.levels), *later], self.processes
+        )
+
+    def cost_of(self, level: TrafficLevel, span_ns: tuple[int, int]) -> ReplayCost:
+        """Disk and time of a stretch under a traffic level, by one process."""
+        one = replace(self.config, traffic=self.config.traffic[:1])
+        return replay_cost(one, [self._stretch(span_ns, (level,))], 1)
+
+    def shows(self, unit: Unit) -> bool:
+        """Whether cameras take pictures in a unit."""
+        begin, end = self.recipe.camera_ns
+        return bool(self.rig.of_kind("camera")) and begin < unit.span_ns[1] and unit.span_ns[0] < end
+
+    def _stretch(self, span_ns: tuple[int, int], levels: Sequence[TrafficLevel]) -> Stretch:
+        cameras = max(self.recipe.camera_ns[0], span_ns[0]), min(self.recipe.camera_ns[1], span_ns[1])
+        units = [unit for unit in self.units if unit.level == self.recipe.levels[0]]
+        spans = [unit.span_ns for unit in units] if span_ns == self.span_ns else [span_ns]
+        at_ns = np.arange(*(cameras if cameras[0] < cameras[1] else span_ns), 2 * STEP_NS)
+        velocity_mps = self.timeline.ego_motion(at_ns).velocity_world_mps
+        return Stretch(
+            whole_s=(span_ns[1] - span_ns[0]) / 1e9,
+            images_s=max(cameras[1] - cameras[0], 0) / 1e9,
+            past_s=sum(past_s(self.recipe.rig, self.recipe.camera_ns, span) for span in spans),
+            speed_mps=float(np.linalg.norm(velocity_mps, axis=1).mean()),
+            actors=len(self.timeline.catalog.tag) * float(np.mean([level.fraction for level in levels])),
+        )
 
     @property
     def request(self) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """One run of a replay: units go to workers, sequences are assembled as soon as their units are whole."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from shutil import rmtree
 from typing import Any
@@ -12,9 +12,9 @@ from recorder.dataset.layout import SequenceFolder
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import nearest_begin_ns, past_s
 from recorder.replaying.conditions import Condition
+from recorder.replaying.cost import ReplayCost, size_of
 from recorder.replaying.plan import ReplayPlan
 from recorder.replaying.recipe import Unit
-from recorder.replaying.room import check_room
 from recorder.replaying.sequence_writers import outputs_of, write_shared
 from recorder.replaying.unit_work import (
     SHARED,
@@ -26,6 +26,7 @@ from recorder.replaying.unit_work import (
     make_unit,
     release_sensors,
 )
+from recorder.replaying.weighing import weighed_cost
 from recorder.replaying.workers import (
     DaskCluster,
     LocalProcesses,
@@ -53,14 +54,20 @@ class ReplayRun:
         plan: The replay.
         work: Its working folder.
         progress: Called with seconds of sensor data done and in all.
-        later_s: Lengths of further drives that the disk must hold, too [s].
+        cost: Its cost, and that of further drives.
+        announce: Called with the cost as the first unit shows it.
     """
 
     def __init__(
-        self, plan: ReplayPlan, work: WorkingFolder, progress: Any, later_s: Sequence[float] = ()
+        self,
+        plan: ReplayPlan,
+        work: WorkingFolder,
+        progress: Any,
+        cost: ReplayCost,
+        announce: Callable[[ReplayCost], object],
     ) -> None:
-        self._plan, self._work, self._progress, self._later_s = plan, work, progress, later_s
-        self._is_room_checked = len(plan.units) == 1 and not later_s
+        self._plan, self._work, self._progress = plan, work, progress
+        self._cost, self._announce = cost, announce
         self._recipe = plan.recipe
         # A rig without what a format needs is refused before anything is made.
         outputs_of(plan.recipe, ())
@@ -157,30 +164,16 @@ class ReplayRun:
                 for folder in task.job.units:
                     rmtree(folder, ignore_errors=True)
             return []
-        unit: Unit = task.job.unit
+        plan, unit = self._plan, task.job.unit
         self._left[unit.level].discard(unit.name)
-        if not self._is_room_checked:
-            self._is_room_checked = True
-            self._check_room(unit)
+        if not self._cost.weighed_s and (plan.shows(unit) or not any(map(plan.shows, plan.units))):
+            self._cost = weighed_cost(plan, self._cost, unit, self._work.units_dir)
+            self._announce(self._cost)
+            self._cost.check(plan.config.out, kept_bytes=size_of(self._work.path))
         if self._left[unit.level]:
             return []
         conditions = self._recipe.conditions_of(unit.level)
         return [self._assembly_task(c) for c in conditions if not self._final(c).path.exists()]
-
-    def _check_room(self, unit: Unit) -> None:
-        """Check that the rest fits on the disk, by the size of the first unit."""
-        plan, recipe = self._plan, self._recipe
-        left = [c for c in recipe.conditions if not self._final(c).path.exists()]
-        others = [self._length_s for c in left if c.traffic != unit.level]
-        here_s = sum(u.length_s for u in plan.units if u.name in self._left[unit.level])
-        check_room(
-            recipe,
-            unit,
-            self._work.units_dir,
-            spools_s=max([here_s, *others, *self._later_s]),
-            sequences_s=len(left) * self._length_s + len(recipe.conditions) * sum(self._later_s),
-            out=plan.config.out,
-        )
 
     def _unit_task(self, unit: Unit) -> Task:
         job = UnitJob(recipe=self._recipe, unit=unit, folder=self._work.units_dir.resolve())

@@ -6,6 +6,7 @@ Both are functions of a job that is plain data, on any machine that sees the epi
 import json
 import shutil
 import threading
+import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -101,7 +102,7 @@ def make_unit(job: UnitJob, report: Report) -> None:
 
 
 def _fill(job: UnitJob, part: Path, report: Report) -> None:
-    recipe = job.recipe
+    recipe, began_s = job.recipe, time.process_time()
     sensors = _sensors_of(recipe, job.unit.level)
     encoders = [output.encoder for output in outputs_of(recipe, sensors.streams)]
     weathers = [condition.weather_name for condition in recipe.conditions_of(job.unit.level)]
@@ -129,6 +130,7 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
         files = {name: spool.complete() for name, spool in spools.items()}
     summary = {
         "streams": sensors.streams,
+        "cpu_s": time.process_time() - began_s,
         "counts": {name: count.numbers() for name, count in counts.items()},
         "files": {name: asdict(file) for name, file in files.items()},
     }

@@ -14,7 +14,7 @@ from recorder.cli.arguments import replay_options
 from recorder.cli.main import COMMANDS, main, make_parser
 from recorder.demo.story import DemoConfig, cost_of
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.replaying.cost import replay_cost
+from recorder.replaying.cost import Stretch, replay_cost
 from recorder.replaying.options import ReplayOptions
 
 ROOT = Path(__file__).parents[2]
@@ -94,9 +94,11 @@ def test_readme_as_it_stands_fits_into_5_gb() -> None:
         if words[0] in ("replay", "dataset"):
             arguments = make_parser().parse_args(words)
             options = ReplayOptions(**replay_options(arguments))
-            lengths_s = [(arguments.duration, arguments.camera_duration)] if words[0] == "replay" else []
-            lengths_s = lengths_s or [(arguments.sample, arguments.sample)] * len(arguments.towns)
-            more = replay_cost(options, lengths_s, 2)
+            stretches = (
+                [Stretch(arguments.duration, arguments.camera_duration)] if words[0] == "replay" else []
+            )
+            stretches = stretches or [Stretch(arguments.sample, arguments.sample)] * len(arguments.towns)
+            more = replay_cost(options, stretches, 2)
             cost = replace(more, written_bytes=cost.written_bytes + more.written_bytes)
     assert 3e9 < cost.written_bytes + cost.spooled_bytes < 5e9
 

@@ -25,6 +25,7 @@ from recorder.cli.arguments import (
     seed,
     shared_options,
 )
+from recorder.cli.output import announced
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -131,7 +132,7 @@ def _import(arguments: argparse.Namespace) -> dict[str, Any]:
         raise UsageError(f"--bbox has {len(arguments.bbox)} numbers; give W,S,E,N in degrees")
     report = import_town(
         arguments.file, arguments.out, box=arguments.bbox, name=arguments.name, heights=arguments.heights,
-        preview=not arguments.no_preview, overwrite=arguments.force,
+        preview=not arguments.no_preview, announce=announced, overwrite=arguments.force,
     )  # fmt: skip
     return {"out": str(arguments.out), "report": report}
 

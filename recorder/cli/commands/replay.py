@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     def announce(cost: ReplayCost) -> None:
         """Before the first replay, for all of them."""
         count = len(replays)
-        cost = replace(cost, written_bytes=count * cost.written_bytes, seconds=count * cost.seconds)
+        cost = replace(cost, written_bytes=count * cost.written_bytes, cpu_s=count * cost.cpu_s)
         cost.check(config.out, kept_bytes=size_of(config.out))
         announced(cost)
 

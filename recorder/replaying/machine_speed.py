@@ -1,0 +1,28 @@
+"""How much slower than the reference machine this one is, remembered from its last replay."""
+
+import json
+from contextlib import suppress
+
+from carlaloc_env.core.errors import OutputError
+from carlaloc_env.core.files.array_cache import default_cache_dir
+from carlaloc_env.core.files.atomic_files import atomic_write
+
+FILE = "machine.json"
+"""Name of the file in the cache's folder."""
+LARGEST = 10.0
+"""Factors beyond this one, or below its inverse, are no machine's."""
+
+
+def slowness() -> float:
+    """Processor time of this machine over that of the reference machine; 1 before its first replay."""
+    try:
+        factor = float(json.loads((default_cache_dir() / FILE).read_text(encoding="utf-8"))["slowness"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 1.0
+    return factor if 1.0 / LARGEST <= factor <= LARGEST else 1.0
+
+
+def remember_slowness(factor: float) -> None:
+    """Keep the factor for the next replay; a cache that cannot be written is left as it is."""
+    with suppress(OutputError), atomic_write(default_cache_dir() / FILE) as part:
+        part.write_text(json.dumps({"slowness": factor}), encoding="utf-8")
