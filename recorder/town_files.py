@@ -17,9 +17,9 @@ from recorder.replaying.cost import SIZE_ERROR, TIME_FACTOR
 from recorder.replaying.machine_speed import slowness
 from recorder.report.town_preview import draw_town
 
-TOWN_BYTES, PREVIEW_BYTES, KM_BYTES = 1e5, 2.7e6, 1.8e5
+TOWN_BYTES, PREVIEW_BYTES, KM_BYTES = 1.5e5, 2.75e6, 1.65e5
 """Size of a town's files, of its preview, and of a kilometre of its streets [bytes]."""
-TOWN_S, TOWN_KM_S, PREVIEW_S, PREVIEW_KM_S = 6.0, 1.0, 11.0, 3.0
+TOWN_S, TOWN_KM_S, PREVIEW_S, PREVIEW_KM_S = 2.8, 0.45, 14.0, 3.5
 """CPU time of an import, of a kilometre of streets, and what the preview adds to both [s]."""
 
 
@@ -56,8 +56,9 @@ def import_town(
     def tell(streets_m: float) -> None:
         size = TOWN_BYTES + PREVIEW_BYTES * preview + KM_BYTES * streets_m / 1e3
         cpu_s = TOWN_S + PREVIEW_S * preview + (TOWN_KM_S + PREVIEW_KM_S * preview) * streets_m / 1e3
+        error = SIZE_ERROR if preview else 1.5 * SIZE_ERROR
         announce(
-            f"{streets_m / 1e3:.1f} km of streets: about {size / 1e6:.1f} MB (±{SIZE_ERROR:.0%}) and "
+            f"{streets_m / 1e3:.1f} km of streets: about {size / 1e6:.1f} MB (±{error:.0%}) and "
             f"{slowness() * cpu_s:.0f} s of processor time (a factor of {TIME_FACTOR})"
         )
 

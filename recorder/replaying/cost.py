@@ -17,6 +17,7 @@ from recorder.replaying.options import ReplayOptions, rig_of, without_unwritten
 from recorder.writers.stream_sizes import (
     EVENT_BYTES,
     EVENT_BYTES_PER_MPS,
+    FIRED,
     element_bytes,
     large_streams,
     other_bytes_s,
@@ -30,10 +31,20 @@ STREAM_ERRORS: dict[type[Sample], float] = {DepthImage: 0.25, FlowImage: 0.3, No
 """Largest errors of streams whose size depends on the scene, until the first unit is weighed."""
 FILM_PANEL_BYTES, FILM_PICTURE_BYTES, STILL_BYTES = 640 * 360 * 3.0, 2e4, 4.5e5
 """Size of a panel of the film in a spool, of a picture of the film, and of the picture beside it [bytes]."""
-COMMAND_S, PROCESS_S, STAGE_S, CASTING_S, DRAWING_S = 6.0, 3.0, 3.0, 3.0, 8.0
-LEVEL_S, RAY_S, DRAW_S, SHADE_S, EVENT_S, BYTE_S = 0.3, 1e-6, 50e-9, 80e-9, 80e-9, 4e-9
-"""CPU time on the reference machine [s]: of the command; of a process; of its sensors of a level, of
-those with rays and pictures more; of a second, a ray, a pixel, its light in a weather, its events, a byte."""
+COMMAND_S, PROCESS_S, STAGE_S, CASTING_S, DRAWING_S = 3.0, 1.5, 1.0, 1.0, 5.0
+"""CPU time on the reference machine of the command, of a process, of its sensors of a level, and more of
+those with rays and with pictures [s]."""
+LEVEL_S, RAY_S, RADAR_RAY_S = 0.25, 0.85e-6, 3.4e-6
+DRAW_S, SHADE_S, EVENT_S, FILM_S = 9e-8, 6.5e-8, 5e-8, 0.02
+"""The same of a second under a level, a LiDAR's ray, a radar's; of a pixel, its light in a weather, its
+events, a film's picture [s]; by the figures of docs/performance.md."""
+EVENT_BYTE_S = 4e-8
+BYTE_S = {
+    "rosbag1": 7e-9, "rosbag1_lz4": 1.2e-8, "rosbag1_bz2": 2e-7, "rosbag2": 1.6e-8, "rosbag2_sqlite3": 9e-9,
+    "euroc": 6e-8, "kitti": 5e-8, "dsec": 3e-8, "nuscenes": 4e-8, "colmap": 6e-8, "raw": 8e-8,
+    "compact": 3e-7,
+}  # fmt: skip
+"""The same of a byte of events, of a byte of a format, and of one of the topics `compact` in a bag [s]."""
 
 
 class Stretch(NamedTuple):
@@ -130,62 +141,73 @@ def replay_cost(options: ReplayOptions, stretches: Sequence[Stretch], processes:
     rig = without_unwritten(rig_of(options), options.formats, options.topics)
     skies = [sky_of(weather_of(name)) for name in options.weathers]
     levels, weathers = len(options.traffic), len(skies)
-    streams = [stream for _, stream, _ in large_streams(rig)]
     radars: list[Any] = list(rig.of_kind("radar"))
-    radars_hz = sum(s.rate_hz for s in radars)
     lidars = [s for s in rig.sensors if isinstance(s, LidarConfig)]
-    clouds_hz = lidars[0].rate_hz if lidars else 0.0
-    rays_hz = sum(s.rays * s.rate_hz for s in lidars)
-    rays_hz += sum(s.columns * s.rows * s.rate_hz for s in radars)
     cameras = [s for s in rig.sensors if isinstance(s, CameraConfig)]
-    all_pixels_hz = sum(pixels_hz(s) for s in cameras)
-    event_pixels_hz = sum(pixels_hz(s) for s in cameras if "events" in s.outputs)
-    written = error = cpu_s = 0.0
+    clouds_hz = lidars[0].rate_hz if lidars else 0.0
+    rays_s = RAY_S * sum(s.rays * s.rate_hz for s in lidars)
+    rays_s += RADAR_RAY_S * sum(s.columns * s.rows * s.rate_hz for s in radars)
+    panels = sum(weathers if output == "rgb" else 1 for s in cameras[:1] for output in s.outputs[:3])
+    streams = list(large_streams(rig))
+    names = [stream for _, stream, _, _ in streams]
+    written = error = made_s = assembled_s = 0.0
     spools = []
+
+    def add(name: str, size: float, largest_error: float) -> None:
+        """Count bytes of a format under a weather in all levels."""
+        nonlocal written, error, made_s, assembled_s
+        is_bag, size = FORMATS[name].is_bag, levels * size
+        written, error = written + size, error + size * largest_error
+        time_s = size * BYTE_S["compact" if is_bag and options.topics.startswith("compact") else name]
+        made_s, assembled_s = (made_s, assembled_s + time_s) if is_bag else (made_s + time_s, assembled_s)
+
     for stretch in stretches:
         spooled = 0.0
-        for kind, stream, elements_hz in large_streams(rig):
-            length_s = stretch.whole_s if kind is PointCloud else stretch.images_s
-            for name in options.formats:
-                for number, sky in enumerate(skies):
-                    whole, packed = element_bytes(options.topics, name, kind, stream, streams, sky)
-                    count = length_s * elements_hz
-                    if kind is Events:
-                        count *= EVENT_BYTES[sky] + EVENT_BYTES_PER_MPS[sky] * stretch.speed_mps
-                    written += levels * count * packed
-                    # What an uncompressed bag takes of a picture is no guess.
+        event_bytes = [
+            at + stretch.speed_mps * more for at, more in zip(EVENT_BYTES, EVENT_BYTES_PER_MPS, strict=True)
+        ]
+        for name in options.formats:
+            other = stretch.whole_s * other_bytes_s(
+                options.topics, name, sum(s.rate_hz for s in radars), stretch.actors
+            )
+            spooled += other
+            for number, sky in enumerate(skies):
+                add(name, other, SIZE_ERROR)
+                for kind, stream, elements_hz, is_fired in streams:
+                    count = elements_hz * (stretch.whole_s if kind is PointCloud else stretch.images_s)
+                    count *= event_bytes[sky] if kind is Events else 1.0
+                    whole, packed = element_bytes(options.topics, name, kind, stream, names, sky)
+                    if is_fired and packed < whole:
+                        packed = min(FIRED * packed, whole)
+                    # What a bag takes that packs nothing is no guess.
                     is_sure = kind is not Events and FORMATS[name].is_bag and packed == whole
-                    error += (
-                        levels * count * packed * (0.05 if is_sure else STREAM_ERRORS.get(kind, SIZE_ERROR))
+                    add(
+                        name,
+                        count * packed,
+                        SIZE_ERROR / 2 if is_sure else STREAM_ERRORS.get(kind, SIZE_ERROR),
                     )
                     spooled += count * whole * (number == 0 or kind in (Image, Events))
-        for name in options.formats:
-            other = stretch.whole_s * other_bytes_s(options.topics, name, radars_hz, stretch.actors)
-            written += levels * weathers * other
-            error += levels * weathers * other * SIZE_ERROR
-            spooled += other
+        pictures = cameras[0].rate_hz * stretch.images_s if cameras else clouds_hz * stretch.whole_s
         if options.preview and streams:
-            pictures = cameras[0].rate_hz * stretch.images_s if cameras else clouds_hz * stretch.whole_s
             written += levels * weathers * (STILL_BYTES + FILM_PICTURE_BYTES * pictures)
-            panels = [weathers if output == "rgb" else 1 for s in cameras[:1] for output in s.outputs[:3]]
-            spooled += FILM_PANEL_BYTES * pictures * sum(panels)
-            spooled += FILM_PANEL_BYTES * clouds_hz * stretch.whole_s
-        drawn_s = stretch.images_s + stretch.past_s
-        cpu_s += levels * (
-            stretch.whole_s * (LEVEL_S + rays_hz * RAY_S)
-            + drawn_s * all_pixels_hz * (DRAW_S + weathers * SHADE_S)
-            + drawn_s * event_pixels_hz * weathers * EVENT_S
-        )
+            spooled += FILM_PANEL_BYTES * (pictures * panels + clouds_hz * stretch.whole_s)
+            assembled_s += levels * weathers * pictures * FILM_S
+        drawn_s = levels * (stretch.images_s + stretch.past_s)
+        made_s += levels * stretch.whole_s * (LEVEL_S + rays_s)
+        made_s += drawn_s * sum(map(pixels_hz, cameras)) * (DRAW_S + weathers * SHADE_S)
+        event_pixels = drawn_s * sum(pixels_hz(s) for s in cameras if "events" in s.outputs)
+        made_s += event_pixels * sum(EVENT_S + EVENT_BYTE_S * event_bytes[sky] for sky in skies)
         spools.append(spooled)
-    longest_s = max(stretch.whole_s for stretch in stretches)
     stages = len(stretches) * max(processes, levels)
-    cpu_s += stages * (STAGE_S + (CASTING_S if rays_hz else 0.0) + (DRAWING_S if cameras else 0.0))
+    made_s += stages * (STAGE_S + (CASTING_S if rays_s else 0.0) + (DRAWING_S if cameras else 0.0))
+    # Levels overlap where processes begin the next one.
+    unit_share = options.unit_s / max(stretch.whole_s for stretch in stretches)
     return ReplayCost(
         written_bytes=written,
-        spooled_bytes=max(spools) * min(levels, 1.0 + (processes - 1) * options.unit_s / longest_s),
+        spooled_bytes=max(spools) * min(levels, 1.0 + processes * unit_share),
         size_error=max(SIZE_ERROR, error / max(written, 1.0)),
-        cpu_s=slowness() * (COMMAND_S + processes * PROCESS_S + cpu_s + written * BYTE_S),
-        made_cpu_s=slowness() * cpu_s,
+        cpu_s=slowness() * (COMMAND_S + processes * PROCESS_S + made_s + assembled_s),
+        made_cpu_s=slowness() * made_s,
         seen_s=levels * (sum(s.images_s for s in stretches) or sum(s.whole_s for s in stretches)),
         processes=processes,
     )

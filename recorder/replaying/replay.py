@@ -40,7 +40,7 @@ def replay(
     progress: Progress | None = None,
     *,
     later_s: Sequence[float] = (),
-    announce: Callable[[ReplayCost], None] | None = None,
+    announce: Callable[[ReplayCost], object] | None = None,
 ) -> ReplayResult:
     """Replay an episode and write all its sequences.
 

@@ -61,6 +61,8 @@ BAG_SHARES: dict[str, dict[str, Size]] = {
     "rosbag2_sqlite3": {},
 }  # fmt: skip
 """Size of a message in a bag as a share of it; measured in five towns, as all figures here."""
+FIRED = 1.47
+"""How much more a packed point takes where a LiDAR's beams fire in turn: no two have the same time."""
 _COLOUR = (1.1, 0.97, 0.73, 1.79)
 FILE_BYTES: dict[str, dict[type[Sample], Size]] = {
     "euroc": {Image: (0.37, 0.33, 0.241, 0.537)},
@@ -102,16 +104,16 @@ def pixels_hz(config: CameraConfig) -> float:
     return config.pinhole.width_px * config.pinhole.height_px * config.rate_hz
 
 
-def large_streams(rig: SensorRig) -> Iterator[tuple[type[Sample], str, float]]:
-    """Kind, name, and pixels or points a second of each stream of cameras and LiDARs."""
+def large_streams(rig: SensorRig) -> Iterator[tuple[type[Sample], str, float, bool]]:
+    """Kind, name, elements a second, and whether beams fire in turn, of each stream of cameras and LiDARs."""
     for config in rig.sensors:
         if isinstance(config, CameraConfig):
             for output in config.outputs:
-                yield CAMERA_SAMPLES[output], f"{output}_{config.name}", pixels_hz(config)
+                yield CAMERA_SAMPLES[output], f"{output}_{config.name}", pixels_hz(config), False
         if isinstance(config, LidarConfig):
             for output in config.outputs:
                 name = config.name if output == "cloud" else f"{config.name}_semantic"
-                yield PointCloud, name, RETURNS * config.rays * config.rate_hz
+                yield PointCloud, name, RETURNS * config.rays * config.rate_hz, bool(config.firing_ns)
 
 
 def element_bytes(

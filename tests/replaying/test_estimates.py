@@ -102,7 +102,7 @@ def taken(job: Job, episode: Path, folder: Path) -> tuple[list[list[float]], flo
     "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.soak) for name in JOBS if name not in QUICK)]
 )
 def test_what_is_announced_is_what_it_takes(name: str, tmp_path: Path) -> None:
-    """The size within the error announced, and within 10 % after the first unit; the time within its factor."""
+    """The size within the error announced, and within 10 % after the first unit; the time within 1.5."""
     town, job = JOBS[name]
     episode = tmp_path / "drive.mcap" if town else DEMO_DRIVE
     if town:
