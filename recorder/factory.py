@@ -28,10 +28,11 @@ from recorder.dataset.manifest import DatasetManifest, write_manifest
 from recorder.drive.standard_drives import ROUTE_M, STANDARD_SEEDS, expected_drive_s, record_drive
 from recorder.episode.episode import Episode
 from recorder.replaying.conditions import conditions_of
-from recorder.replaying.cost import ReplayCost, Stretch, replay_cost
+from recorder.replaying.cost import ReplayCost, replay_cost
 from recorder.replaying.options import ReplayConfig, ReplayOptions, rig_of
 from recorder.replaying.replay import replay
 from recorder.replaying.working_folder import OWNER, busy
+from recorder.writers.stream_sizes import Stretch
 
 SAMPLE_FROM_S = 8.0
 """Where a sample begins [s]: the car has left the kerb then."""
@@ -155,17 +156,12 @@ def _is_part(path: Path) -> bool:
     return path.parts[0].startswith(".") and path.name in ("unit.json", SEQUENCE)
 
 
-def make_dataset(
-    config: DatasetConfig,
-    progress: Progress | None = None,
-    announce: Callable[[ReplayCost], object] | None = None,
-) -> Path:
+def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Path:
     """Record, replay and list all drives; whole ones are kept.
 
     Args:
         config: The dataset.
         progress: Called with the progress of all drives.
-        announce: Called before each replay, and again as its first unit shows what it and later ones take.
 
     Returns:
         ``dataset.yaml``.
@@ -185,7 +181,7 @@ def make_dataset(
             _get_drive(config, town, report)
             lengths_s[town] = length_s(config, town)
             later = tuple(lengths_s[t] for t in config.towns[number + 1 :] if t not in plan.whole)
-            _make_drive(config, town, report, later, announce)
+            _make_drive(config, town, report, later)
         manifest = DatasetManifest.read(config.out, WriterError)
         write_manifest(config.out, manifest.drives, recipe)
         shutil.rmtree(config.out / WORK, ignore_errors=True)
@@ -274,13 +270,7 @@ def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None
     )  # fmt: skip
 
 
-def _make_drive(
-    config: DatasetConfig,
-    town: str,
-    report: _DriveProgress,
-    later_s: Sequence[float],
-    announce: Callable[[ReplayCost], object] | None,
-) -> None:
+def _make_drive(config: DatasetConfig, town: str, report: _DriveProgress, later_s: Sequence[float]) -> None:
     """Replay a drive, or resume its replay."""
     begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
     _log.info("replaying %s", town)
@@ -292,5 +282,5 @@ def _make_drive(
         start_s=begin_s,
         duration_s=config.sample_s,
     )
-    replay(replayed, report.replaying, later_s=later_s, announce=announce)
+    replay(replayed, report.replaying, later_s=later_s)
     _log.info("%s is whole", town)

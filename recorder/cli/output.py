@@ -1,7 +1,5 @@
 """Output of commands: streams that take any character, announcements, log files, results as JSON."""
 
-from __future__ import annotations
-
 import json
 import logging
 import math
@@ -11,12 +9,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from recorder.replaying.cost import ReplayCost
 
 
 def make_streams_safe() -> None:
@@ -38,15 +33,8 @@ def make_streams_safe() -> None:
 
 
 def announced(cost: object) -> None:
-    """Write size and time of long work before it begins, or as its first part shows them."""
-    # A bar of the progress may stand on the terminal's line.
-    print(f"\r\033[K{cost}" if sys.stderr.isatty() else cost, file=sys.stderr, flush=True)
-
-
-def announced_anew(cost: ReplayCost) -> None:
-    """Write size and time as the first part shows them, where those from before are written already."""
-    if cost.weighed_s:
-        announced(cost)
+    """Write size and time of long work before it begins."""
+    print(cost, file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -16,7 +16,6 @@ from recorder.demo.story import (
     scores_of,
     write_scene,
 )
-from recorder.replaying.cost import ReplayCost
 
 Step = Callable[..., AbstractContextManager[Any]]
 """Makes the progress of a step of its title and unit: `update` takes seconds, `pieces` pieces of work."""
@@ -37,7 +36,6 @@ def run_demo(
     only_look: bool = False,
     step: Step = lambda *_, **__: nullcontext(_Silent()),
     look: Callable[[Path], object] = lambda _: None,
-    announce: Callable[[ReplayCost], object] = lambda _: None,
 ) -> dict[str, Any]:
     """Run the steps of the demo that its folder does not hold, and write its page after each.
 
@@ -46,7 +44,6 @@ def run_demo(
         only_look: End after the first picture.
         step: Shows the progress of each step.
         look: Called with the page as soon as it has the first picture.
-        announce: Called before the replay, and as its first unit shows size and time.
 
     Returns:
         Paths of page, sequences and figures, and the errors of the systems.
@@ -65,7 +62,7 @@ def run_demo(
     if only_look:
         return {"out": str(config.out), "page": str(page)}
     with step(titles[1]) as progress:
-        result = replay_drive(config, progress.update, announce)
+        result = replay_drive(config, progress.update)
     films = [folder / "preview.mp4" for folder in result.sequences]
     write_index(config.out, films, {}, [], step=3)
     with step(titles[2], unit="runs") as progress:

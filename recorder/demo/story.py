@@ -1,6 +1,6 @@
 """The steps of the demo: a first picture of the drive, four sequences of it, scores of SLAM systems."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -106,12 +106,10 @@ def cost_of(config: DemoConfig) -> ReplayCost:
     return replace(cost, cpu_s=cost.cpu_s + LOOK_S + SYSTEMS_S * driven_s)
 
 
-def replay_drive(
-    config: DemoConfig, progress: Progress, announce: Callable[[ReplayCost], object]
-) -> ReplayResult:
+def replay_drive(config: DemoConfig, progress: Progress) -> ReplayResult:
     """Write the drive as four sequences, each with a bag, EuRoC's files and a film; whole ones are kept."""
     replayed = _replay_of(config)
-    return finished_replay(replayed) or replay(replayed, progress, announce=announce)
+    return finished_replay(replayed) or replay(replayed, progress)
 
 
 def _replay_of(config: DemoConfig) -> ReplayConfig:

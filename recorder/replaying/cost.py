@@ -4,30 +4,26 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.samples import DepthImage, Events, FlowImage, Image, NormalImage, PointCloud, Sample
-from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.lidar_config import LidarConfig
+from carlaloc_env.samples import DepthImage, Events, FlowImage, NormalImage, Sample
 from carlaloc_env.weather.schedule import weather_of
 from recorder.dataset.layout import FORMATS
 from recorder.replaying.machine_speed import slowness
 from recorder.replaying.options import ReplayOptions, rig_of, without_unwritten
-from recorder.writers.stream_sizes import (
-    EVENT_BYTES,
-    EVENT_BYTES_PER_MPS,
-    FIRED,
-    element_bytes,
-    large_streams,
-    other_bytes_s,
-    pixels_hz,
-    sky_of,
-)
+from recorder.writers.stream_sizes import Stretch, event_bytes, pixels_hz, sky_of, stream_sizes
 
 SIZE_ERROR, TIME_FACTOR = 0.1, 1.5
 """Largest error of a size, as a part of it, and the factor within which the processor time is right."""
-STREAM_ERRORS: dict[type[Sample], float] = {DepthImage: 0.25, FlowImage: 0.3, NormalImage: 0.3, Events: 0.5}
+SURE = 0.05
+"""Largest error of what a bag holds as it is."""
+STREAM_ERRORS: dict[type[Sample] | None, float] = {
+    DepthImage: 0.25,
+    FlowImage: 0.3,
+    NormalImage: 0.3,
+    Events: 0.5,
+}
 """Largest errors of streams whose size depends on the scene, until the first unit is weighed."""
 FILM_PANEL_BYTES, FILM_PICTURE_BYTES, STILL_BYTES = 640 * 360 * 3.0, 2e4, 4.5e5
 """Size of a panel of the film in a spool, of a picture of the film, and of the picture beside it [bytes]."""
@@ -45,21 +41,6 @@ BYTE_S = {
     "compact": 3e-7,
 }  # fmt: skip
 """The same of a byte of events, of a byte of a format, and of one of the topics `compact` in a bag [s]."""
-
-
-class Stretch(NamedTuple):
-    """What of a drive is replayed."""
-
-    whole_s: float
-    """Length of all sensors' stretch [s]."""
-    images_s: float
-    """Length of the pictures [s]."""
-    past_s: float = 0.0
-    """Length of the images that cameras must see before [s]."""
-    speed_mps: float = 5.0
-    """Mean speed during the pictures [m/s]."""
-    actors: float = 150.0
-    """Number of the traffic's actors, the mean of all levels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,70 +122,45 @@ def replay_cost(options: ReplayOptions, stretches: Sequence[Stretch], processes:
     rig = without_unwritten(rig_of(options), options.formats, options.topics)
     skies = [sky_of(weather_of(name)) for name in options.weathers]
     levels, weathers = len(options.traffic), len(skies)
-    radars: list[Any] = list(rig.of_kind("radar"))
-    lidars = [s for s in rig.sensors if isinstance(s, LidarConfig)]
-    cameras = [s for s in rig.sensors if isinstance(s, CameraConfig)]
-    clouds_hz = lidars[0].rate_hz if lidars else 0.0
+    sensors: list[list[Any]] = [list(rig.of_kind(kind)) for kind in ("camera", "lidar", "radar")]
+    cameras, lidars, radars = sensors
+    clouds_hz = sum(s.rate_hz for s in lidars[:1])
     rays_s = RAY_S * sum(s.rays * s.rate_hz for s in lidars)
     rays_s += RADAR_RAY_S * sum(s.columns * s.rows * s.rate_hz for s in radars)
     panels = sum(weathers if output == "rgb" else 1 for s in cameras[:1] for output in s.outputs[:3])
-    streams = list(large_streams(rig))
-    names = [stream for _, stream, _, _ in streams]
-    written = error = made_s = assembled_s = 0.0
-    spools = []
-
-    def add(name: str, size: float, largest_error: float) -> None:
-        """Count bytes of a format under a weather in all levels."""
-        nonlocal written, error, made_s, assembled_s
-        is_bag, size = FORMATS[name].is_bag, levels * size
-        written, error = written + size, error + size * largest_error
-        time_s = size * BYTE_S["compact" if is_bag and options.topics.startswith("compact") else name]
-        made_s, assembled_s = (made_s, assembled_s + time_s) if is_bag else (made_s + time_s, assembled_s)
-
+    stage_s = STAGE_S + CASTING_S * bool(rays_s) + DRAWING_S * bool(cameras)
+    written = error = assembled_s = 0.0
+    made_s, spools = stage_s * len(stretches) * max(processes, levels), []
     for stretch in stretches:
         spooled = 0.0
-        event_bytes = [
-            at + stretch.speed_mps * more for at, more in zip(EVENT_BYTES, EVENT_BYTES_PER_MPS, strict=True)
-        ]
-        for name in options.formats:
-            other = stretch.whole_s * other_bytes_s(
-                options.topics, name, sum(s.rate_hz for s in radars), stretch.actors
+        for size in stream_sizes(rig, options.formats, options.topics, skies, stretch):
+            spooled += size.spooled
+            written += levels * size.written
+            error += (
+                levels * size.written * (SURE if size.is_sure else STREAM_ERRORS.get(size.kind, SIZE_ERROR))
             )
-            spooled += other
-            for number, sky in enumerate(skies):
-                add(name, other, SIZE_ERROR)
-                for kind, stream, elements_hz, is_fired in streams:
-                    count = elements_hz * (stretch.whole_s if kind is PointCloud else stretch.images_s)
-                    count *= event_bytes[sky] if kind is Events else 1.0
-                    whole, packed = element_bytes(options.topics, name, kind, stream, names, sky)
-                    if is_fired and packed < whole:
-                        packed = min(FIRED * packed, whole)
-                    # What a bag takes that packs nothing is no guess.
-                    is_sure = kind is not Events and FORMATS[name].is_bag and packed == whole
-                    add(
-                        name,
-                        count * packed,
-                        SIZE_ERROR / 2 if is_sure else STREAM_ERRORS.get(kind, SIZE_ERROR),
-                    )
-                    spooled += count * whole * (number == 0 or kind in (Image, Events))
+            is_bag = FORMATS[size.format_name].is_bag
+            is_compact = is_bag and options.topics.startswith("compact")
+            time_s = levels * size.written * BYTE_S["compact" if is_compact else size.format_name]
+            made_s, assembled_s = made_s + time_s * (not is_bag), assembled_s + time_s * is_bag
         pictures = cameras[0].rate_hz * stretch.images_s if cameras else clouds_hz * stretch.whole_s
-        if options.preview and streams:
+        if options.preview and cameras + lidars:
             written += levels * weathers * (STILL_BYTES + FILM_PICTURE_BYTES * pictures)
             spooled += FILM_PANEL_BYTES * (pictures * panels + clouds_hz * stretch.whole_s)
             assembled_s += levels * weathers * pictures * FILM_S
+        spools.append(spooled)
         drawn_s = levels * (stretch.images_s + stretch.past_s)
         made_s += levels * stretch.whole_s * (LEVEL_S + rays_s)
         made_s += drawn_s * sum(map(pixels_hz, cameras)) * (DRAW_S + weathers * SHADE_S)
         event_pixels = drawn_s * sum(pixels_hz(s) for s in cameras if "events" in s.outputs)
-        made_s += event_pixels * sum(EVENT_S + EVENT_BYTE_S * event_bytes[sky] for sky in skies)
-        spools.append(spooled)
-    stages = len(stretches) * max(processes, levels)
-    made_s += stages * (STAGE_S + (CASTING_S if rays_s else 0.0) + (DRAWING_S if cameras else 0.0))
-    # Levels overlap where processes begin the next one.
+        made_s += event_pixels * sum(
+            EVENT_S + EVENT_BYTE_S * event_bytes(k, stretch.speed_mps) for k in skies
+        )
+    # Processes begin the next level before the last one is assembled.
     unit_share = options.unit_s / max(stretch.whole_s for stretch in stretches)
     return ReplayCost(
         written_bytes=written,
-        spooled_bytes=max(spools) * min(levels, 1.0 + processes * unit_share),
+        spooled_bytes=max(spools) * min(levels, 1.0 + 2.0 * (processes - 1) * unit_share),
         size_error=max(SIZE_ERROR, error / max(written, 1.0)),
         cpu_s=slowness() * (COMMAND_S + processes * PROCESS_S + made_s + assembled_s),
         made_cpu_s=slowness() * made_s,

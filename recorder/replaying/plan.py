@@ -23,9 +23,10 @@ from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import past_s
 from recorder.replaying.code_digest import code_digest
 from recorder.replaying.conditions import conditions_of
-from recorder.replaying.cost import ReplayCost, Stretch, replay_cost
+from recorder.replaying.cost import ReplayCost, replay_cost
 from recorder.replaying.options import ReplayConfig, rig_of, without_unwritten
 from recorder.replaying.recipe import Recipe, Unit, units_of
+from recorder.writers.stream_sizes import Stretch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

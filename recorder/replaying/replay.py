@@ -53,7 +53,7 @@ def replay(
         later_s: Lengths of further drives that will be replayed like this one [s]; if they
             do not fit on the disk, too, the replay is refused.
         announce: Called with size and time of these replays before anything is made, and again as the first
-            unit shows them.
+            unit shows them; without it, the second is logged.
 
     Raises:
         ConfigError: an unknown rig, weather, format or level, or a stretch outside the drive.
@@ -74,7 +74,7 @@ def replay(
             from recorder.replaying.run import ReplayRun
 
             on_progress = progress or (lambda done_s, total_s: None)
-            ReplayRun(plan, work, on_progress, cost, announce or (lambda _: None)).run(with_shared=not begun)
+            ReplayRun(plan, work, on_progress, cost, announce).run(with_shared=not begun)
             work.publish()
     return _result(plan)
 

@@ -55,7 +55,7 @@ class ReplayRun:
         work: Its working folder.
         progress: Called with seconds of sensor data done and in all.
         cost: Its cost, and that of further drives.
-        announce: Called with the cost as the first unit shows it.
+        announce: Called with the cost as the first unit shows it; None: it is logged.
     """
 
     def __init__(
@@ -64,10 +64,10 @@ class ReplayRun:
         work: WorkingFolder,
         progress: Any,
         cost: ReplayCost,
-        announce: Callable[[ReplayCost], object],
+        announce: Callable[[ReplayCost], object] | None = None,
     ) -> None:
         self._plan, self._work, self._progress = plan, work, progress
-        self._cost, self._announce = cost, announce
+        self._cost, self._announce = cost, announce or (lambda cost: _log.warning("%s", cost))
         self._recipe = plan.recipe
         # A rig without what a format needs is refused before anything is made.
         outputs_of(plan.recipe, ())
@@ -168,7 +168,8 @@ class ReplayRun:
         self._left[unit.level].discard(unit.name)
         if not self._cost.weighed_s and (plan.shows(unit) or not any(map(plan.shows, plan.units))):
             self._cost = weighed_cost(plan, self._cost, unit, self._work.units_dir)
-            self._announce(self._cost)
+            if self._cost.weighed_s:
+                self._announce(self._cost)
             self._cost.check(plan.config.out, kept_bytes=size_of(self._work.path))
         if self._left[unit.level]:
             return []

@@ -18,12 +18,14 @@ from recorder.replaying.unit_work import SHARED, read_summary
 
 WEIGHED_NS = 1_000_000_000
 """Longest stretch that is assembled [ns]."""
+TELLING_S = 5.0
+"""Processor time of a unit from which on it shows how slow the machine is [s]."""
 
 
 def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path) -> ReplayCost:
     """The cost by what the first unit took, and what a stretch of it takes in every condition's files.
 
-    The machine's slowness is remembered for the next replay.
+    The machine's slowness is remembered for the next replay. Where nothing else is to come, the cost stays.
 
     Args:
         plan: The replay.
@@ -34,7 +36,10 @@ def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path
     folder, recipe = units_dir / unit.name, plan.recipe
     summary, of_unit = read_summary(folder), plan.cost_of(unit.level, unit.span_ns)
     ratio = summary["cpu_s"] / of_unit.made_cpu_s
-    remember_slowness(slowness() * ratio)
+    if summary["cpu_s"] >= TELLING_S:
+        remember_slowness(slowness() * ratio)
+    if cost.seen_s <= of_unit.seen_s:
+        return cost
     first_ns = max(unit.span_ns[0], recipe.camera_ns[0]) if plan.shows(unit) else unit.span_ns[0]
     span_ns = (first_ns, min(first_ns + WEIGHED_NS, unit.span_ns[1]))
     of_part, conditions = plan.cost_of(unit.level, span_ns), recipe.conditions_of(unit.level)

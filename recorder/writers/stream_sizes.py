@@ -1,6 +1,8 @@
 """Sizes of a rig's streams in messages and files, by the sky of a weather and the speed of the car."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import NamedTuple
 
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import (
@@ -39,28 +41,15 @@ MESSAGE_BYTES: dict[str, Size] = {
     "points_of_the_town": 22.0, "video": 0.05, "cloud_draco": 1.75, "depth_png": 0.11, "tags_png": 0.02,
 }  # fmt: skip
 """Size of a pixel, a point or a byte of events in a message."""
-PACKED = ("video", "cloud_draco", "depth_png", "tags_png")
-"""Messages that no bag makes smaller."""
-BAG_SHARES: dict[str, dict[str, Size]] = {
-    "rosbag1": {},
-    "rosbag1_lz4": {
-        "image_rgb8": (0.79, 0.68, 0.51, 1.0), "image_mono8": (0.77, 0.68, 0.51, 1.0), "image_32fc1": 0.93,
-        "image_tags": 0.04, "image_instances": 0.015, "event_array": (0.6, 0.62, 0.7, 0.6), "points": 0.8,
-        "points_labelled": 0.7, "points_of_the_town": 0.8, "other": 0.4,
-    },
-    "rosbag1_bz2": {
-        "image_rgb8": (0.38, 0.31, 0.2, 0.67), "image_mono8": (0.43, 0.36, 0.23, 0.59), "image_32fc1": 0.75,
-        "image_tags": 0.012, "image_instances": 0.003, "event_array": (0.35, 0.37, 0.43, 0.36),
-        "points": 0.67, "points_labelled": 0.6, "points_of_the_town": 0.67, "other": 0.3,
-    },
-    "rosbag2": {
-        "image_rgb8": (0.51, 0.42, 0.29, 0.79), "image_mono8": (0.55, 0.46, 0.3, 0.75), "image_32fc1": 0.67,
-        "image_tags": 0.015, "image_instances": 0.006, "event_array": (0.39, 0.41, 0.48, 0.4),
-        "points": 0.615, "points_labelled": 0.52, "points_of_the_town": 0.615, "other": 0.3,
-    },
-    "rosbag2_sqlite3": {},
+BAGS = ("rosbag1", "rosbag1_lz4", "rosbag1_bz2", "rosbag2", "rosbag2_sqlite3")
+SHARES: dict[str, Size] = {
+    "image_rgb8": (0.51, 0.42, 0.29, 0.79), "image_mono8": (0.55, 0.46, 0.3, 0.75), "image_32fc1": 0.67,
+    "image_tags": 0.015, "image_instances": 0.006, "event_array": (0.39, 0.41, 0.48, 0.4), "points": 0.615,
+    "points_labelled": 0.52, "points_of_the_town": 0.615, "other": 0.3,
 }  # fmt: skip
-"""Size of a message in a bag as a share of it; measured in five towns, as all figures here."""
+"""Size of a message packed by zstd as a share of it; measured in five towns, as all figures here."""
+PACKING = {"rosbag2": (1.0, 1.0), "rosbag1_lz4": (1.55, 1.35), "rosbag1_bz2": (0.77, 1.1)}
+"""Size of what a bag packs over that of zstd: of pictures, labels and events; of points and depth."""
 FIRED = 1.47
 """How much more a packed point takes where a LiDAR's beams fire in turn: no two have the same time."""
 _COLOUR = (1.1, 0.97, 0.73, 1.79)
@@ -84,6 +73,38 @@ FILE_OTHER_BYTES_S, FILE_ACTOR_BYTES_S = 1e5, 1200.0
 """In files of other formats: a radar's scan, a second of everything small, a second of an actor [bytes]."""
 
 
+class Stretch(NamedTuple):
+    """What of a drive is replayed."""
+
+    whole_s: float
+    """Length of all sensors' stretch [s]."""
+    images_s: float
+    """Length of the pictures [s]."""
+    past_s: float = 0.0
+    """Length of the images that cameras must see before [s]."""
+    speed_mps: float = 5.0
+    """Mean speed during the pictures [m/s]."""
+    actors: float = 150.0
+    """Number of the traffic's actors, the mean of all levels."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamSize:
+    """Size of a stream in a format."""
+
+    format_name: str
+    """Name of the format."""
+    kind: type[Sample] | None
+    """Kind of its samples; None: all small ones together."""
+    written: float
+    """Size in the sequences [bytes]."""
+    spooled: float
+    """Size in the spools [bytes]."""
+    _: KW_ONLY
+    is_sure: bool
+    """Whether a bag holds it as it is."""
+
+
 def sky_of(weather: Weather) -> int:
     """Place of a weather in a `Size`; of a schedule, that of its begin."""
     now = weather.at(0)
@@ -99,65 +120,88 @@ def by_sky(size: Size, sky: int) -> float:
     return size[sky] if isinstance(size, tuple) else size
 
 
+def event_bytes(sky: int, speed_mps: float) -> float:
+    """Size of a pixel's events in a picture [bytes]."""
+    return EVENT_BYTES[sky] + EVENT_BYTES_PER_MPS[sky] * speed_mps
+
+
 def pixels_hz(config: CameraConfig) -> float:
     """Pixels that a camera takes a second."""
     return config.pinhole.width_px * config.pinhole.height_px * config.rate_hz
 
 
-def large_streams(rig: SensorRig) -> Iterator[tuple[type[Sample], str, float, bool]]:
-    """Kind, name, elements a second, and whether beams fire in turn, of each stream of cameras and LiDARs."""
-    for config in rig.sensors:
-        if isinstance(config, CameraConfig):
-            for output in config.outputs:
-                yield CAMERA_SAMPLES[output], f"{output}_{config.name}", pixels_hz(config), False
-        if isinstance(config, LidarConfig):
-            for output in config.outputs:
-                name = config.name if output == "cloud" else f"{config.name}_semantic"
-                yield PointCloud, name, RETURNS * config.rays * config.rate_hz, bool(config.firing_ns)
-
-
-def element_bytes(
-    topics: str, format_name: str, kind: type[Sample], stream: str, streams: Collection[str], sky: int
-) -> tuple[float, float]:
-    """Size of a pixel, a point or a byte of events in a format, before and after a bag packs it [bytes].
+def stream_sizes(
+    rig: SensorRig, formats: Sequence[str], topics: str, skies: Sequence[int], stretch: Stretch
+) -> Iterator[StreamSize]:
+    """Sizes of all streams of a stretch under a traffic level, in every format and under every sky.
 
     Args:
+        rig: The sensors.
+        formats: Names of the formats.
         topics: Name of the profile of bags.
-        format_name: Name of the format.
-        kind: Kind of the stream's samples.
-        stream: Name of the stream.
-        streams: All streams of the rig.
-        sky: That of `sky_of`.
+        skies: That of each weather.
+        stretch: What is replayed.
     """
-    if format_name not in BAG_SHARES:
-        # Of a LiDAR's two clouds, these hold the one with labels.
-        is_left_out = format_name in ("kitti", "nuscenes") and f"{stream}_semantic" in streams
-        size = 0.0 if is_left_out else by_sky(FILE_BYTES[format_name].get(kind, 0.0), sky)
+    streams: list[tuple[type[Sample], str, float, float]] = []
+    for config in rig.sensors:
+        if isinstance(config, CameraConfig):
+            count = stretch.images_s * pixels_hz(config)
+            streams += [(CAMERA_SAMPLES[o], f"{o}_{config.name}", count, 1.0) for o in config.outputs]
+        if isinstance(config, LidarConfig):
+            count, fired = (
+                stretch.whole_s * RETURNS * config.rays * config.rate_hz,
+                FIRED if config.firing_ns else 1.0,
+            )
+            ends = ["" if output == "cloud" else "_semantic" for output in config.outputs]
+            streams += [(PointCloud, f"{config.name}{end}", count, fired) for end in ends]
+    names = [stream for _, stream, _, _ in streams]
+    radars_hz = sum(sensor.rate_hz for sensor in rig.of_kind("radar"))
+    for name in formats:
+        other = stretch.whole_s * _other_bytes_s(topics, name, radars_hz, stretch.actors)
+        yield StreamSize(name, None, other * len(skies), other, is_sure=False)
+        for kind, stream, count, fired in streams:
+            # Of a LiDAR's two clouds, these hold the one with labels.
+            if name in ("kitti", "nuscenes") and f"{stream}_semantic" in names:
+                continue
+            for number, sky in enumerate(skies):
+                whole, packed = _element_bytes(topics, name, kind, stream, names, sky)
+                packed = min(whole, fired * packed) if packed < whole else packed
+                some = count * (event_bytes(sky, stretch.speed_mps) if kind is Events else 1.0)
+                spooled = some * whole * (number == 0 or kind in (Image, Events))
+                is_sure = name in BAGS and packed == whole and kind is not Events
+                yield StreamSize(name, kind, some * packed, spooled, is_sure=is_sure)
+
+
+def _element_bytes(
+    topics: str, format_name: str, kind: type[Sample], stream: str, streams: Sequence[str], sky: int
+) -> tuple[float, float]:
+    """Size of a pixel, a point or a byte of events in a format, before and after a bag packs it [bytes]."""
+    if format_name not in BAGS:
+        size = by_sky(FILE_BYTES[format_name].get(kind, 0.0), sky)
         return size, size
-    shares = BAG_SHARES[format_name]
     whole = packed = 0.0
     for profile in (topics, *(["paper_seg"] if topics == "paper" else [])):
         for route in profile_by_name(profile).routes(kind, stream, streams):
             size = by_sky(MESSAGE_BYTES.get(route.message, 0.0), sky)
             whole += size
-            packed += size * by_sky(shares.get(route.message, 1.0), sky)
+            packed += size * _share(format_name, route.message, sky)
     return whole, packed
 
 
-def other_bytes_s(topics: str, format_name: str, radars_hz: float, actors: float) -> float:
-    """Size of a second of all that is neither picture nor point in a format [bytes].
+def _share(format_name: str, message: str, sky: int) -> float:
+    """Size of a message in a bag as a share of it."""
+    if format_name not in PACKING:
+        return 1.0
+    factor = PACKING[format_name][message.startswith(("points", "image_32"))]
+    return min(1.0, by_sky(SHARES[message], sky) * factor) if message in SHARES else 1.0
 
-    Args:
-        topics: Name of the profile of bags.
-        format_name: Name of the format.
-        radars_hz: Scans of all radars a second.
-        actors: Number of the traffic's actors.
-    """
-    if format_name not in BAG_SHARES:
+
+def _other_bytes_s(topics: str, format_name: str, radars_hz: float, actors: float) -> float:
+    """Size of a second of all that is neither picture nor point in a format [bytes]."""
+    if format_name not in BAGS:
         own = radars_hz * FILE_RADAR_BYTES.get(format_name, 0.0)
         return own + FILE_OTHER_BYTES_S + (FILE_ACTOR_BYTES_S * actors if format_name == "raw" else 0.0)
-    rules = profile_by_name(topics).rules
     sizes = {"radar_points": RADAR_BYTES[0] * radars_hz, "radar_scan": RADAR_BYTES[1] * radars_hz}
     sizes |= {"objects": ACTOR_BYTES_S[0] * actors, "object_table": ACTOR_BYTES_S[1] * actors}
-    size = SMALL_BYTES_S + sum(sizes.get(rule.message, 0.0) for rule in rules)
-    return size * by_sky(BAG_SHARES[format_name].get("other", 1.0), 0)
+    size = SMALL_BYTES_S + sum(sizes.get(rule.message, 0.0) for rule in profile_by_name(topics).rules)
+    return size * _share(format_name, "other", 0)

@@ -12,13 +12,13 @@ from recorder.cli.main import main
 from recorder.replaying.cost import (
     SIZE_ERROR,
     ReplayCost,
-    Stretch,
     replay_cost,
     size_of,
 )
 from recorder.replaying.options import ReplayOptions
 from recorder.replaying.plan import plan_replay
 from recorder.replaying.replay import replay
+from recorder.writers.stream_sizes import Stretch
 
 FULL_RIG = """\
 name: large

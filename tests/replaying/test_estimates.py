@@ -29,7 +29,10 @@ sensors:
   outputs: [rgb]
 - {kind: imu}
 """
-NOON_TO_NIGHT = ("ClearNoon", "FoggyNoon", "RainyNight")
+ALL = ("ClearNoon", "FoggyNoon", "RainyNight")
+NIGHTS = ALL[1:]
+SLAM, COMPACT, TWO = {"topics": "slam"}, {"topics": "compact_full"}, {"workers": 2}
+REAL, SHORT = {"rig": "real", "start_s": 15.0}, {"duration_s": 1.2, "unit_s": 0.6}
 Job = dict[str, Any]
 JOBS: dict[str, tuple[str, Job]] = {
     "LiDAR": (
@@ -37,34 +40,16 @@ JOBS: dict[str, tuple[str, Job]] = {
         {"rig": "lidar", "formats": ("rosbag1",), "traffic": ("static", "dynamic"), "start_s": 8.0},
     ),
     "state": ("", {"rig": "state", "formats": ("rosbag2", "rosbag1"), "duration_s": 20.0, "unit_s": 5.0}),
-    "stereo": (
-        "",
-        {"rig": STEREO, "formats": ("euroc", "colmap"), "weathers": NOON_TO_NIGHT[1:], "start_s": 10.0},
-    ),
-    "default, a second of pictures": (
-        "",
-        {"start_s": 14.0, "duration_s": 4.0, "camera_start_s": 15.0, "camera_duration_s": 1.0},
-    ),
+    "stereo": ("", {"rig": STEREO, "formats": ("euroc", "colmap"), "weathers": NIGHTS, "start_s": 10.0}),
+    "a second of pictures": ("", {"start_s": 14.0, "camera_start_s": 15.0, "camera_duration_s": 1.0}),
     "SLAM": (
         "Town03",
-        {"rig": "flu", "topics": "slam", "formats": ("rosbag2",), "weathers": NOON_TO_NIGHT, "start_s": 12.0,
-         "workers": 2},
+        {"rig": "flu", **SLAM, "formats": ("rosbag2",), "weathers": ALL, "start_s": 12.0, **TWO},
     ),
-    "compact": (
-        "Town05",
-        {"topics": "compact_full", "formats": ("rosbag2",), "weathers": ("ClearNoon", "RainyNight"),
-         "start_s": 15.0, "workers": 2},
-    ),
-    "events": (
-        "",
-        {"topics": "full", "formats": ("rosbag2", "raw"), "start_s": 20.05, "duration_s": 1.2, "unit_s": 0.6},
-    ),
-    "KITTI": (
-        "Town03",
-        {"rig": "real", "topics": "slam", "formats": ("kitti", "rosbag1_lz4"), "weathers": ("RainyNight",),
-         "start_s": 15.0},
-    ),
-}  # fmt: skip
+    "compact": ("Town05", {**COMPACT, "formats": ("rosbag2",), "weathers": ALL[::2], "start_s": 15.0, **TWO}),
+    "events": ("", {"topics": "full", "formats": ("rosbag2", "raw"), "start_s": 20.05, **SHORT}),
+    "KITTI": ("Town03", {**SLAM, **REAL, "formats": ("kitti", "rosbag1_lz4"), "weathers": ALL[2:]}),
+}
 """Town of the drive, else the demo's; and the replay's options, three seconds in units of one if not said."""
 QUICK = ("LiDAR", "state", "stereo")
 _REPLAY = """
@@ -82,7 +67,7 @@ print(json.dumps([[c.written_bytes, c.spooled_bytes, c.size_error, c.cpu_s] for 
 
 def taken(job: Job, episode: Path, folder: Path) -> tuple[list[list[float]], float, float]:
     """Announcements of a replay, first and corrected, its bytes, and its processor time [s]."""
-    options = {"duration_s": 3.0, "unit_s": 1.0, "workers": 1} | job
+    options: Job = {"duration_s": 3.0, "unit_s": 1.0, "workers": 1} | job
     if "\n" in options.get("rig", ""):
         (folder / "rig.yaml").write_text(options["rig"], encoding="utf-8")
         options["rig"] = str(folder / "rig.yaml")

@@ -14,8 +14,9 @@ from recorder.cli.arguments import replay_options
 from recorder.cli.main import COMMANDS, main, make_parser
 from recorder.demo.story import DemoConfig, cost_of
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.replaying.cost import Stretch, replay_cost
+from recorder.replaying.cost import replay_cost
 from recorder.replaying.options import ReplayOptions
+from recorder.writers.stream_sizes import Stretch
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])

@@ -23,7 +23,7 @@ from recorder.cli.arguments import (
     replay_options,
     seed,
 )
-from recorder.cli.output import announced_anew, logged_to
+from recorder.cli.output import logged_to
 from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         _ask()
     arguments.out.mkdir(parents=True, exist_ok=True)
     with logged_to(arguments.out / LOG, "recorder"), Progress("dataset") as progress:
-        path = make_dataset(config, progress.update, announced_anew)
+        path = make_dataset(config, progress.update)
     if arguments.hub is not None:
         from recorder.publishing.prepare import prepare_for_hub
 

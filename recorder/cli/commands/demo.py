@@ -17,7 +17,7 @@ from typing import Any
 
 from carlaloc_env.core.files.file_locks import take_lock
 from recorder.cli.arguments import OutputFolder, option, positive_seconds, seconds
-from recorder.cli.output import announced, announced_anew
+from recorder.cli.output import announced
 from recorder.cli.progress import Progress
 
 UNFINISHED = ".carlaloc-demo"
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         config = DemoConfig(out=out, **{f"{name}_s": seconds for name, seconds in options.items()})
         if not arguments.look:
             announced(cost_of(config))
-        result = run_demo(config, only_look=arguments.look, step=Progress, look=look, announce=announced_anew)
+        result = run_demo(config, only_look=arguments.look, step=Progress, look=look)
     return result if arguments.look else {**result, "took_s": round(time.monotonic() - began, 1)}
 
 
