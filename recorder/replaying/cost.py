@@ -16,14 +16,10 @@ from recorder.writers.stream_sizes import Stretch, event_bytes, pixels_hz, sky_o
 
 SIZE_ERROR, TIME_FACTOR = 0.1, 1.5
 """Largest error of a size, as a part of it, and the factor within which the processor time is right."""
-SURE = 0.05
-"""Largest error of what a bag holds as it is."""
-STREAM_ERRORS: dict[type[Sample] | None, float] = {
-    DepthImage: 0.25,
-    FlowImage: 0.3,
-    NormalImage: 0.3,
-    Events: 0.5,
-}
+SURE, COMPACT_ERROR = 0.05, 0.35
+"""Largest error of what a bag holds as it is, and of the topics `compact`."""
+STREAM_ERRORS: dict[type[Sample] | None, float]
+STREAM_ERRORS = {DepthImage: 0.35, FlowImage: 0.35, NormalImage: 0.35, Events: 0.5}
 """Largest errors of streams whose size depends on the scene, until the first unit is weighed."""
 FILM_PANEL_BYTES, FILM_PICTURE_BYTES, STILL_BYTES = 640 * 360 * 3.0, 2e4, 4.5e5
 """Size of a panel of the film in a spool, of a picture of the film, and of the picture beside it [bytes]."""
@@ -136,11 +132,10 @@ def replay_cost(options: ReplayOptions, stretches: Sequence[Stretch], processes:
         for size in stream_sizes(rig, options.formats, options.topics, skies, stretch):
             spooled += size.spooled
             written += levels * size.written
-            error += (
-                levels * size.written * (SURE if size.is_sure else STREAM_ERRORS.get(size.kind, SIZE_ERROR))
-            )
             is_bag = FORMATS[size.format_name].is_bag
             is_compact = is_bag and options.topics.startswith("compact")
+            largest = SURE if size.is_sure else STREAM_ERRORS.get(size.kind, SIZE_ERROR)
+            error += levels * size.written * (COMPACT_ERROR if is_compact else largest)
             time_s = levels * size.written * BYTE_S["compact" if is_compact else size.format_name]
             made_s, assembled_s = made_s + time_s * (not is_bag), assembled_s + time_s * is_bag
         pictures = cameras[0].rate_hz * stretch.images_s if cameras else clouds_hz * stretch.whole_s
