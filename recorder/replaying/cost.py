@@ -23,13 +23,13 @@ STREAM_ERRORS = {DepthImage: 0.35, FlowImage: 0.35, NormalImage: 0.35, Events: 0
 """Largest errors of streams whose size depends on the scene, until the first unit is weighed."""
 FILM_PANEL_BYTES, FILM_PICTURE_BYTES, STILL_BYTES = 640 * 360 * 3.0, 2e4, 4.5e5
 """Size of a panel of the film in a spool, of a picture of the film, and of the picture beside it [bytes]."""
-COMMAND_S, PROCESS_S, STAGE_S, CASTING_S, DRAWING_S = 3.0, 1.5, 1.0, 1.0, 5.0
+COMMAND_S, PROCESS_S, STAGE_S, CASTING_S, DRAWING_S = 4.0, 1.5, 1.5, 1.0, 5.0
 """CPU time on the reference machine of the command, of a process, of its sensors of a level, and more of
 those with rays and with pictures [s]."""
-LEVEL_S, RAY_S, RADAR_RAY_S = 0.25, 0.85e-6, 3.4e-6
-DRAW_S, SHADE_S, EVENT_S, FILM_S = 9e-8, 6.5e-8, 5e-8, 0.02
+LEVEL_S, RAY_S, RADAR_RAY_S = 0.2, 0.35e-6, 2e-6
+DRAW_S, SHADE_S, EVENT_S, FILM_S = 9e-8, 6.5e-8, 5e-8, 0.006
 """The same of a second under a level, a LiDAR's ray, a radar's; of a pixel, its light in a weather, its
-events, a film's picture [s]; by the figures of docs/performance.md."""
+events, a panel of the film [s]; by the figures of docs/performance.md."""
 EVENT_BYTE_S = 4e-8
 BYTE_S = {
     "rosbag1": 7e-9, "rosbag1_lz4": 1.2e-8, "rosbag1_bz2": 2e-7, "rosbag2": 1.6e-8, "rosbag2_sqlite3": 9e-9,
@@ -142,7 +142,8 @@ def replay_cost(options: ReplayOptions, stretches: Sequence[Stretch], processes:
         if options.preview and cameras + lidars:
             written += levels * weathers * (STILL_BYTES + FILM_PICTURE_BYTES * pictures)
             spooled += FILM_PANEL_BYTES * (pictures * panels + clouds_hz * stretch.whole_s)
-            assembled_s += levels * weathers * pictures * FILM_S
+            shown = sum(len(s.outputs[:3]) for s in cameras[:1]) + len(lidars[:1])
+            assembled_s += levels * weathers * pictures * FILM_S * shown
         spools.append(spooled)
         drawn_s = levels * (stretch.images_s + stretch.past_s)
         made_s += levels * stretch.whole_s * (LEVEL_S + rays_s)
