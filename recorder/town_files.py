@@ -53,17 +53,17 @@ def import_town(
     """
     check_output_folder(out, files=extracts.FILES, overwrite=overwrite)
 
-    def tell(streets_m: float) -> None:
+    def announce_streets(streets_m: float) -> None:
         size = TOWN_BYTES + PREVIEW_BYTES * preview + KM_BYTES * streets_m / 1e3
         cpu_s = TOWN_S + PREVIEW_S * preview + (TOWN_KM_S + PREVIEW_KM_S * preview) * streets_m / 1e3
         error = SIZE_ERROR if preview else 1.5 * SIZE_ERROR
         announce(
             f"{streets_m / 1e3:.1f} km of streets: about {size / 1e6:.1f} MB (±{error:.0%}) and "
-            f"{slowness() * cpu_s:.0f} s of processor time (a factor of {TIME_FACTOR})"
+            f"{slowness() * cpu_s:.0f} s of CPU time (a factor of {TIME_FACTOR})"
         )
 
     town = extracts.import_town(
-        source, box=box, name=name, heights=heights, fit_turns=fit_turns, announce=tell
+        source, box=box, name=name, heights=heights, fit_turns=fit_turns, announce=announce_streets
     )
     extracts.write_town(town, out)
     if preview:

@@ -15,7 +15,7 @@ from recorder.replaying.options import ReplayOptions, rig_of, without_unwritten
 from recorder.writers.stream_sizes import Stretch, event_bytes, pixels_hz, sky_of, stream_sizes
 
 SIZE_ERROR, TIME_FACTOR = 0.1, 1.5
-"""Largest error of a size, as a part of it, and the factor within which the processor time is right."""
+"""Largest error of a size, as a part of it, and the factor within which the CPU time is right."""
 SURE, COMPACT_ERROR = 0.05, 0.35
 """Largest error of what a bag holds as it is, and of the topics `compact`."""
 STREAM_ERRORS: dict[type[Sample] | None, float]
@@ -50,7 +50,7 @@ class ReplayCost:
     size_error: float = SIZE_ERROR
     """Largest error of the sizes, as a part of them."""
     cpu_s: float
-    """Processor time of all processes on a machine that has built the town before [s]."""
+    """CPU time of all processes on a machine that has built the town before [s]."""
     processes: int
     """Processes that share the work."""
     made_cpu_s: float
@@ -88,7 +88,7 @@ class ReplayCost:
         time = f"about {_time(self.seconds)} with {self.processes} processes"
         return (
             (f"by its first {self.weighed_s:.3g} s: " if self.weighed_s else "")
-            + f"{size} (±{self.size_error:.0%}); {time}, {_time(self.cpu_s)} of processor time "
+            + f"{size} (±{self.size_error:.0%}); {time}, {_time(self.cpu_s)} of CPU time "
             + f"(a factor of {TIME_FACTOR})"
         )
 

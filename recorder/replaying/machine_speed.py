@@ -14,7 +14,7 @@ LARGEST = 10.0
 
 
 def slowness() -> float:
-    """Processor time of this machine over that of the reference machine; 1 before its first replay."""
+    """CPU time of this machine over that of the reference machine; 1 before its first replay."""
     try:
         factor = float(json.loads((default_cache_dir() / FILE).read_text(encoding="utf-8"))["slowness"])
     except (OSError, ValueError, KeyError, TypeError):

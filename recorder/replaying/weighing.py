@@ -1,4 +1,4 @@
-"""Estimates a replay anew by its first unit: processor time, spools, and a second of the sequences."""
+"""Estimates a replay anew by its first unit: CPU time, spools, and a second of the sequences."""
 
 import shutil
 from dataclasses import replace
@@ -19,7 +19,7 @@ from recorder.replaying.unit_work import SHARED, read_summary
 WEIGHED_NS = 1_000_000_000
 """Longest stretch that is assembled [ns]."""
 TELLING_S = 5.0
-"""Processor time of a unit from which on it shows how slow the machine is [s]."""
+"""CPU time of a unit from which on it shows how slow the machine is [s]."""
 
 
 def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path) -> ReplayCost:

@@ -1,4 +1,4 @@
-"""The cost announced of a replay against what it takes: size of the files, processor time of all."""
+"""The cost announced of a replay against what it takes: size of the files, CPU time of all."""
 
 import json
 import os
@@ -66,7 +66,7 @@ print(json.dumps([[c.written_bytes, c.spooled_bytes, c.size_error, c.cpu_s] for 
 
 
 def taken(job: Job, episode: Path, folder: Path) -> tuple[list[list[float]], float, float]:
-    """Announcements of a replay, first and corrected, its bytes, and its processor time [s]."""
+    """Announcements of a replay, first and corrected, its bytes, and its CPU time [s]."""
     options: Job = {"duration_s": 3.0, "unit_s": 1.0, "workers": 1} | job
     if "\n" in options.get("rig", ""):
         (folder / "rig.yaml").write_text(options["rig"], encoding="utf-8")
