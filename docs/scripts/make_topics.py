@@ -82,7 +82,9 @@ TAIL = """\
   fixed frame. It is off by default, since SLAM systems publish their own `/tf`, and a frame has only one
   parent. `paper` and `paper_seg` have no `/tf_static`.
 * Frames are those of [REP 105](https://ros.org/reps/rep-0105.html). `map` is our `world`: east, north, up.
-  There is no `odom`, since the truth does not drift.
+  There is no `odom`, since the truth does not drift. Units and axes are those of
+  [REP 103](https://ros.org/reps/rep-0103.html): cameras have optical axes, though their frames' names do not
+  end in `_optical`.
 * Bags have no `/clock`. `ros2 bag play --clock 100 BAG` and `rosbag play --clock BAG` make it, for nodes
   with `use_sim_time`. With two clocks, time jumps. `--clock` writes it into the bag, 100 Hz.
 """

@@ -50,13 +50,9 @@ def test_a_whole_dataset_has_nothing_wrong(topics: str, datasets: Path) -> None:
     ],
 )
 def test_calibration_that_does_not_fit_is_named(
-    topics: str,
-    frame: str,
-    change: Callable[[list[list[float]]], None],
-    line: str,
-    datasets: Path,
+    topics: str, frame: str, change: Callable[[list[list[float]]], None], line: str, datasets: Path,
     tmp_path: Path,
-) -> None:
+) -> None:  # fmt: skip
     data = tmp_path / "data"
     shutil.copytree(datasets / topics, data)
     path = data / "straight/calibration/extrinsics.yaml"

@@ -43,8 +43,8 @@ def dynamic(straight_drive: StraightDrive, tmp_path_factory: pytest.TempPathFact
         folder / "data", rig=str(folder / "rig.yaml"), formats=("colmap", "raw"), unit_s=10.0, preview=False,
         duration_s=0.6, start_s=1.0, traffic=("dynamic", "static"), weathers=("ClearNoon", "HardRainNoon"),
     )  # fmt: skip
-    found = [SequenceFolder(path) for path in replay(config).sequences]
-    return next(one for one in found if one.name == "ClearNoon_dynamic").place("colmap")
+    sequences = map(SequenceFolder, replay(config).sequences)
+    return next(one for one in sequences if one.name == "ClearNoon_dynamic").place("colmap")
 
 
 def raw(folder: Path, stream: str, image: str) -> Any:
@@ -152,10 +152,8 @@ def test_both_files_have_the_same_cameras(dynamic: Path) -> None:
 
 def off_the_rig(model: Any) -> float:
     """Largest deviation of the right camera's pose in the left one from that of the rig, at any instant."""
-    poses = {
-        image.name: np.vstack([image.cam_from_world().matrix(), [0, 0, 0, 1]])
-        for image in model.images.values()
-    }
+    views = model.images.values()
+    poses = {view.name: np.vstack([view.cam_from_world().matrix(), [0, 0, 0, 1]]) for view in views}
     rights = {name: T for name, T in poses.items() if name.startswith("right")}
     steps = [T @ np.linalg.inv(poses[name.replace("right", "left")]) for name, T in rights.items()]
     return float(np.abs(np.array(steps) - transforms.transform([-0.6, 0, 0], [0, 0, 0, 1])).max())
@@ -166,7 +164,7 @@ def test_colmap_refines_known_poses_and_keeps_the_pair(dynamic: Path, tmp_path: 
     """Triangulated and adjusted features of the pictures; without the rig's files the pair comes apart."""
     truth_model, model = model_of(dynamic), model_of(dynamic)
     pycolmap = pytest.importorskip("pycolmap")
-    features, apart = str(tmp_path / "features.db"), tmp_path / "apart"
+    features, pictures, apart = tmp_path / "features.db", dynamic / "images", tmp_path / "apart"
     database = pycolmap.Database.open(features)
     for kind in ("camera", "rig", "frame", "image"):
         for entry in getattr(model, f"{kind}s").values():
@@ -175,13 +173,11 @@ def test_colmap_refines_known_poses_and_keeps_the_pair(dynamic: Path, tmp_path: 
     extraction = pycolmap.FeatureExtractionOptions(use_gpu=False)
     extraction.sift.peak_threshold = 0.001  # small pictures have few features by the default of 0.0067
     masks = pycolmap.ImageReaderOptions(mask_path=dynamic / "masks")
-    pycolmap.extract_features(
-        features, dynamic / "images", extraction_options=extraction, reader_options=masks
-    )
+    pycolmap.extract_features(features, pictures, extraction_options=extraction, reader_options=masks)
     pycolmap.match_exhaustive(features, matching_options=pycolmap.FeatureMatchingOptions(use_gpu=False))
     options = pycolmap.IncrementalPipelineOptions(ba_refine_sensor_from_rig=False)
     options.triangulation.min_angle = options.mapper.filter_min_tri_angle = 1.0
-    model = pycolmap.triangulate_points(model, features, dynamic / "images", tmp_path, options=options)
+    model = pycolmap.triangulate_points(model, features, pictures, tmp_path, options=options)
     assert model.num_points3D() > 100
     before_px = model.compute_mean_reprojection_error()
     apart.mkdir()
@@ -215,10 +211,8 @@ def test_clean_plates_equal_the_picture_where_the_mask_is_white(dynamic: Path) -
         movers += int((apart[~white] > 8).sum())
         assert set(frame["weather_paths"]) == {"HardRainNoon"}
         assert (dynamic / frame["weather_paths"]["HardRainNoon"]).is_file()
-        static = json.loads(
-            (dynamic / frame["clean_plate_path"]).parents[1].joinpath("transforms.json").read_text()
-        )
-        assert "clean_plate_path" not in static["frames"][0]
+        static = (dynamic / frame["clean_plate_path"]).parents[1] / "transforms.json"
+        assert "clean_plate_path" not in json.loads(static.read_text())["frames"][0]
     assert movers > 0
     assert verify(dynamic.parents[2]).findings == ()
 

@@ -103,13 +103,9 @@ def test_play_sends_every_message(bag: Path, ros_master: dict[str, str]) -> None
     """A node that listens gets as many clouds and IMU readings as the bag holds."""
     _, messages = read(bag)
     sent = [len(messages[topic]) for topic in ("/lidar/points", "/imu/data")]
-    listener = subprocess.Popen(
-        ["/usr/bin/python3", "-c", _COUNT, str(sum(sent))],
-        env=ros_master,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    words = ["/usr/bin/python3", "-c", _COUNT, str(sum(sent))]
+    pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    listener = subprocess.Popen(words, env=ros_master, **pipes)
     assert listener.stdout is not None
     assert listener.stdout.readline() == "listening\n"
     ask_rosbag("play", "--quiet", "--wait-for-subscribers", "--topics", "/lidar/points", "/imu/data",

@@ -39,35 +39,27 @@ def round_trip(store: Stores, encoder: str, sample: Sample) -> Any:
 
 def table(message: Any) -> np.ndarray[Any, np.dtype[np.void]]:
     """Rows of a PointCloud2."""
-    dtype = np.dtype(
-        {
-            "names": [f.name for f in message.fields],
-            "formats": [POINT_TYPES[f.datatype] for f in message.fields],
-            "offsets": [f.offset for f in message.fields],
-            "itemsize": message.point_step,
-        }
-    )
-    rows: np.ndarray[Any, np.dtype[np.void]] = np.frombuffer(message.data.tobytes(), dtype=dtype)
+    fields = message.fields
+    layout: Any = {
+        "names": [f.name for f in fields], "formats": [POINT_TYPES[f.datatype] for f in fields],
+        "offsets": [f.offset for f in fields], "itemsize": message.point_step,
+    }  # fmt: skip
+    rows: np.ndarray[Any, np.dtype[np.void]] = np.frombuffer(message.data.tobytes(), dtype=np.dtype(layout))
     assert len(rows) == message.width * message.height
     return rows
 
 
 def scan() -> RadarScan:
     """Two detections: 30° to the left and level; ahead and 30° up."""
+    readings: dict[str, Any] = {
+        "range_m": [10, 20], "azimuth_rad": np.radians([30, 0]), "elevation_rad": np.radians([0, 30]),
+        "doppler_mps": [-5.0, 2.5], "snr_db": [20, 13], "rcs_dbsm": [3, -8],
+    }  # fmt: skip
+    numbers = {name: np.array(row, np.float32) for name, row in readings.items()}
     return RadarScan(
-        sensor="radar_left",
-        frame_id="radar_left",
-        stamp_ns=50_000_000,
-        range_m=np.array([10.0, 20.0], np.float32),
-        azimuth_rad=np.radians([30.0, 0.0]).astype(np.float32),
-        elevation_rad=np.radians([0.0, 30.0]).astype(np.float32),
-        doppler_mps=np.array([-5.0, 2.5], np.float32),
-        snr_db=np.array([20.0, 13.0], np.float32),
-        rcs_dbsm=np.array([3.0, -8.0], np.float32),
-        tag=np.array([14, 0], np.uint8),
-        instance=np.array([2**23 + 5, 0], np.uint32),
-        origin=np.array([0, 2], np.uint8),
-    )
+        sensor="radar_left", frame_id="radar_left", stamp_ns=50_000_000, tag=np.array([14, 0], np.uint8),
+        instance=np.array([2**23 + 5, 0], np.uint32), origin=np.array([0, 2], np.uint8), **numbers,
+    )  # fmt: skip
 
 
 def test_definitions_are_the_official_ones() -> None:
@@ -190,12 +182,8 @@ def test_objects_as_carlas_bridge_writes_them(store: Stores) -> None:
 @pytest.mark.parametrize("store", STORES, ids=str)
 def test_acceleration_is_in_the_frames_own_axes(store: Stores) -> None:
     """Facing north, an acceleration to the north is ahead."""
-    motion = truth(
-        0,
-        (0, 0, 0),
-        (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)),
-        acceleration_world_mps2=np.array([0.0, 2.0, 0.0]),
-    )
+    north = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
+    motion = truth(0, (0, 0, 0), north, acceleration_world_mps2=np.array([0.0, 2.0, 0.0]))
     linear = round_trip(store, "acceleration", motion).accel.linear
     assert (linear.x, linear.y, linear.z) == pytest.approx((2.0, 0.0, 0.0), abs=1e-12)
 
@@ -209,8 +197,6 @@ def test_instance_pictures_hold_the_ids_of_the_boxes() -> None:
     message = round_trip(Stores.ROS1_NOETIC, "image_instances", picture)
     assert message.encoding == "32SC1"
     assert np.array_equal(message.data.view("<i4").reshape(2, 2), instance)
-    topics = {
-        name: [r.topic for r in PROFILES[name].routes(SemanticImage, "semantic_left")] for name in PROFILES
-    }
-    assert topics["full"] == ["/camera/left/semantic", "/camera/left/instance"]
-    assert topics["standard"] == ["/camera/left/semantic"]
+    routes = {name: PROFILES[name].routes(SemanticImage, "semantic_left") for name in ("full", "standard")}
+    assert [route.topic for route in routes["full"]] == ["/camera/left/semantic", "/camera/left/instance"]
+    assert [route.topic for route in routes["standard"]] == ["/camera/left/semantic"]
