@@ -1,7 +1,9 @@
 """Time to make frames for systems that read a drive in place of a dataset."""
 
 import tempfile
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from bench import Bench, Row
@@ -23,60 +25,63 @@ FROM_NS, LENGTH_NS = 2_000_000_000, 6_000_000_000
 
 
 def stream_lidar(bench: Bench) -> Row:
-    """A sweep with the noise of three seeds, beside real time, on one core."""
-    rig = rig_by_name("paper")
-    ours = _frame(bench, sensors_for(rig, "lidar"), "lidar", WEATHERS[:1])
+    """A sweep with the noise of three seeds over one with that of one: rays are cast once."""
+    rig = sensors_for(rig_by_name("paper"), "lidar")
+    times = _frames(bench, rig, "lidar", {"one": (WEATHERS[:1], SEEDS[:1]), "all": (WEATHERS[:1], SEEDS)})
     period_s = 1.0 / rig.of_kind("lidar")[0].rate_hz
     return Row(
         name="stream_lidar",
-        what="sweeps of a drive for a system, noise of 3 seeds",
-        value=period_s / ours.cpu_s,
-        unit="× real time a core",
+        what="sweep of a drive for systems, noise of 3 seeds over that of one",
+        value=times["all"].cpu_s / times["one"].cpu_s,
+        unit="× one",
         target=2.0,
-        ours=ours,
-        note="by CPU time; rays are cast once",
+        at_least=False,
+        ours=times["all"],
+        note=f"by CPU time; {period_s / times['all'].cpu_s:.1f} × real time a core",
     )
 
 
 def stream_stereo(bench: Bench) -> Row:
-    """A stereo pair of 640×360 pixels under three weathers, on all cores."""
+    """A stereo pair of 640×360 pixels under three weathers over one: geometry is drawn once."""
     pinhole = Pinhole.from_fov(640, 360, 90.0)
     rig = sensors_for(rig_by_name("flu"), "stereo", masks=False)
     small = replace(rig, sensors=tuple(replace(camera, pinhole=pinhole) for camera in stereo_of(rig)))
-    ours = _frame(bench, small, "stereo", WEATHERS)
+    times = _frames(bench, small, "stereo", {"one": (WEATHERS[:1], SEEDS[:1]), "all": (WEATHERS, SEEDS[:1])})
     return Row(
         name="stream_stereo",
-        what="stereo pair of a drive for systems, 640×360, 3 weathers",
-        value=ours.least_s,
-        unit="s",
-        target=0.15,
+        what="stereo pair of a drive for systems, 640×360, 3 weathers over one",
+        value=times["all"].cpu_s / times["one"].cpu_s,
+        unit="× one",
+        target=2.5,
         at_least=False,
-        ours=ours,
-        note="the least time of some; geometry is drawn once",
+        ours=times["all"],
+        note=f"by CPU time; {times['all'].least_s:.3f} s at best on all cores",
     )
 
 
-def _frame(bench: Bench, rig: SensorRig, sensor: str, weathers: tuple[str, ...]) -> Timing:
-    """Times of one frame of a drive through full traffic."""
-    with tempfile.TemporaryDirectory() as name:
+def _frames(
+    bench: Bench, rig: SensorRig, sensor: str, jobs: dict[str, tuple[tuple[str, ...], tuple[int, ...]]]
+) -> dict[str, Timing]:
+    """Times of one frame of a drive through full traffic, for jobs of weathers and seeds in turns."""
+    with tempfile.TemporaryDirectory() as name, ExitStack() as open_makers:
         drive = Path(name, "drive.mcap")
         record(RecordConfig(map=TOWN, out=drive, duration_s=8.1, seed=SEED, traffic="dynamic"))
-        plan = plan_replay(
-            ReplayConfig(episode=drive, out=Path(name, "none"), rig="flu", weathers=weathers, workers=1)
-        )
-        recipe = replace(plan.recipe, rig=rig)
-        job = FrameJob(
-            recipe=recipe,
-            level=recipe.levels[0],
-            span_ns=(FROM_NS, FROM_NS + LENGTH_NS),
-            seeds=SEEDS if sensor == "lidar" else SEEDS[:1],
-            sensor=sensor,
-            imu=None,
-        )
-        maker = FrameMaker(job)
-        try:
-            frames = maker.frames()
-            repeat = 2 if bench.quick else 8 * bench.repeat
-            return time_calls({"frame": lambda: next(frames)}, repeat, warm_up=3)["frame"]
-        finally:
-            maker.close()
+        frames = {}
+        for job, (weathers, seeds) in jobs.items():
+            plan = plan_replay(
+                ReplayConfig(episode=drive, out=Path(name, "none"), rig="flu", weathers=weathers, workers=1)
+            )
+            recipe = replace(plan.recipe, rig=rig)
+            maker = FrameMaker(
+                FrameJob(
+                    recipe=recipe,
+                    level=recipe.levels[0],
+                    span_ns=(FROM_NS, FROM_NS + LENGTH_NS),
+                    seeds=seeds,
+                    sensor=sensor,
+                    imu=None,
+                )
+            )
+            open_makers.callback(maker.close)
+            frames[job] = partial(next, maker.frames())
+        return time_calls(frames, 2 if bench.quick else 8 * bench.repeat, warm_up=3)

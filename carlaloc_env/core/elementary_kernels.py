@@ -141,22 +141,6 @@ def log(x: float) -> float:
 
 
 @compiled
-def log10(x: float) -> float:
-    """Logarithm to the base 10."""
-    return _LOG10_E * log(x)
-
-
-@compiled
-def power(x: float, y: float) -> float:
-    """Positive x (or 0) to the power y, by the exponential of y·ln x."""
-    if y == 0.0:
-        return 1.0
-    if x == 0.0:
-        return 0.0 if y > 0.0 else np.inf
-    return exp(y * log(x))
-
-
-@compiled
 def arctan(x: float) -> float:
     """Angle of a tangent [rad], −π/2 to π/2."""
     a = abs(x)
@@ -194,18 +178,6 @@ def arctan2(y: float, x: float) -> float:
     return math.copysign(angle, y)
 
 
-@compiled
-def arcsin(x: float) -> float:
-    """Angle of a sine [rad], −π/2 to π/2; nan beyond ±1."""
-    return arctan2(x, math.sqrt((1.0 - x) * (1.0 + x)))
-
-
-@compiled
-def arccos(x: float) -> float:
-    """Angle of a cosine [rad], 0 to π; nan beyond ±1."""
-    return arctan2(math.sqrt((1.0 - x) * (1.0 + x)), x)
-
-
 FUNCTIONS = (
     "sin", "cos", "tan", "arcsin", "arccos", "arctan", "exp", "log", "log10", "arctan2", "power",
 )  # fmt: skip
@@ -216,28 +188,28 @@ FUNCTIONS = (
 def fill(function: int, x: Array, y: Array) -> None:
     """Write a function of numbers x (N,), or of x and y (N,), over x.
 
-    One function for all, since loading one from numba's files takes as long as computing 100 000 sines.
+    One function for all, since loading one from numba's files takes as long as computing 100 000 sines. Each
+    kernel is called at one place, since every call of it is compiled anew.
     """
     for k in range(len(x)):
-        if function == 0:
-            x[k] = sin(x[k])
-        elif function == 1:
-            x[k] = cos(x[k])
-        elif function == 2:
-            x[k] = tan(x[k])
-        elif function == 3:
-            x[k] = arcsin(x[k])
-        elif function == 4:
-            x[k] = arccos(x[k])
+        a = x[k]
+        if function < 3:
+            sine, cosine = sin_cos(a)
+            if function == 1:
+                x[k] = cosine
+            elif a != 0.0:
+                x[k] = sine if function == 0 else sine / cosine
         elif function == 5:
-            x[k] = arctan(x[k])
-        elif function == 6:
-            x[k] = exp(x[k])
-        elif function == 7:
-            x[k] = log(x[k])
-        elif function == 8:
-            x[k] = log10(x[k])
-        elif function == 9:
-            x[k] = arctan2(x[k], y[k])
+            x[k] = arctan(a)
+        elif function in (3, 4, 9):
+            b = y[k] if function == 9 else math.sqrt((1.0 - a) * (1.0 + a))
+            a, b = (b, a) if function == 4 else (a, b)
+            x[k] = arctan2(a, b)
         else:
-            x[k] = power(x[k], y[k])
+            if function != 6:
+                a = log(a)
+            if function == 8:
+                a *= _LOG10_E
+            elif function == 10:
+                a = y[k] * a if y[k] != 0.0 else 0.0
+            x[k] = a if 7 <= function <= 8 else exp(a)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.road.road_events import (
     EventTable,
@@ -81,9 +81,24 @@ class LevelGrid:
 
     def levels(self, xy_m: Array) -> NDArray[np.float64]:
         """Level and its slopes [1/m] towards east and north at places (M, 2), shape (M, 3)."""
-        out = np.empty((len(xy_m), 3))
-        _put_levels(self.table, np.ascontiguousarray(xy_m[:, :2], dtype=np.float64), out)
-        return out
+        level, (low_u, low_v) = self._level, self._low
+        x, y = np.asarray(xy_m, dtype=np.float64)[:, :2].T
+        (i, f, free_u) = _cell((x - low_u) / self._cell, len(level))
+        (j, g, free_v) = _cell((y - low_v) / self._cell, level.shape[1])
+        a, b, c, d = level[i, j], level[i, j + 1], level[i + 1, j], level[i + 1, j + 1]
+        east = ((1 - g) * (c - a) + g * (d - b)) / self._cell * free_u
+        north = ((1 - f) * (b - a) + f * (d - c)) / self._cell * free_v
+        height = (1 - f) * ((1 - g) * a + g * b) + f * ((1 - g) * c + g * d)
+        return np.stack([height, east, north], axis=1)
+
+
+def _cell(along: Array, count: int) -> tuple[Index, Array, NDArray[np.bool_]]:
+    """Cells at distances along a grid in cells, the parts before, and whether they lie on the grid."""
+    end = count - 1.001
+    # Lanes that are not finite are refused later, with their names.
+    held = np.where(np.isnan(along), 0.0, np.clip(along, 0.0, end))
+    cell = held.astype(np.intp)
+    return cell, held - cell, (along > 0.0) & (along < end)
 
 
 class Relief:
@@ -161,32 +176,20 @@ def no_roughness() -> RoughTable:
 
 
 @compiled
-def _put_levels(table: LevelTable, xy_m: Array, out: Array) -> None:
-    """Write level and slopes at places (M, 2) to `out`, (M, 3)."""
-    for k in range(len(xy_m)):
-        out[k, 0], out[k, 1], out[k, 2] = level_and_slopes(table, xy_m[k, 0], xy_m[k, 1])
-
-
-@compiled
-def level_and_slopes(table: LevelTable, x_m: float, y_m: float) -> tuple[float, float, float]:
-    """Level and its slopes [1/m] towards east and north at one place; the border's level outside the grid."""
+def level_at(table: LevelTable, x_m: float, y_m: float) -> float:
+    """Level at one place; the border's level outside the grid."""
     level = table.level
-    end_u, end_v = len(level) - 1.001, level.shape[1] - 1.001
     u, v = (x_m - table.low_m[0]) / table.cell_m, (y_m - table.low_m[1]) / table.cell_m
-    free_u, free_v = 1.0 if 0.0 < u < end_u else 0.0, 1.0 if 0.0 < v < end_v else 0.0
-    # Lanes that are not finite are refused later, with their names.
-    u = min(max(u, 0.0), end_u) if u == u else 0.0
-    v = min(max(v, 0.0), end_v) if v == v else 0.0
+    u = min(max(u, 0.0), len(level) - 1.001) if u == u else 0.0
+    v = min(max(v, 0.0), level.shape[1] - 1.001) if v == v else 0.0
     i, j = int(u), int(v)
     f, g = u - i, v - j
     a, b, c, d = level[i, j], level[i, j + 1], level[i + 1, j], level[i + 1, j + 1]
-    east = ((1 - g) * (c - a) + g * (d - b)) / table.cell_m * free_u
-    north = ((1 - f) * (b - a) + f * (d - c)) / table.cell_m * free_v
-    return (1 - f) * ((1 - g) * a + g * b) + f * ((1 - g) * c + g * d), east, north
+    return float((1 - f) * ((1 - g) * a + g * b) + f * ((1 - g) * c + g * d))
 
 
 @compiled
 def rough_height(table: RoughTable, x_m: float, y_m: float) -> float:
     """Height under a tyre at one place of the world [m]."""
-    waves = level_and_slopes(table.level, x_m, y_m)[0] * wave_height(table.waves, x_m, y_m)
+    waves = level_at(table.level, x_m, y_m) * wave_height(table.waves, x_m, y_m)
     return float(waves + event_height(table.events, x_m, y_m))

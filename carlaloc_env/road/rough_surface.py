@@ -6,7 +6,7 @@ and Robson, "The application of isotropy in road surface modelling", J. Sound Vi
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,15 +103,55 @@ class RoughSurface:
 
     def heights(self, xy_m: Array) -> NDArray[np.float64]:
         """Height [m] and its slopes towards east and north at places (M, 2), shape (M, 3)."""
-        out = np.empty((len(xy_m), 3))
-        _values(self._coefficients, *self._to_lattice, np.ascontiguousarray(xy_m[:, :2]), out)
-        return out
+        # Lanes that are not finite are refused later, with their names.
+        x, y = np.nan_to_num(np.asarray(xy_m, dtype=np.float64)[:, :2].T, posinf=0.0, neginf=0.0)
+        size, (cos, sin) = len(self._coefficients), self._to_lattice
+        u, v = cos * x + sin * y, cos * y - sin * x
+        i, j = np.floor(u), np.floor(v)
+        f, g = u - i, v - j
+        rows = [((i + a - 1) % size).astype(np.intp) for a in range(4)]
+        columns = [((j + b - 1) % size).astype(np.intp) for b in range(4)]
+        weights, slopes = [_weight(b, g) for b in range(4)], [_weight_slope(b, g) for b in range(4)]
+        z, zu, zv = np.zeros((3, len(x)))
+        for a in range(4):
+            wa, da = _weight(a, f), _weight_slope(a, f)
+            for b in range(4):
+                c = self._coefficients[rows[a], columns[b]]
+                z += wa * weights[b] * c
+                zu += da * weights[b] * c
+                zv += wa * slopes[b] * c
+        return np.stack([z, cos * zu - sin * zv, sin * zu + cos * zv], axis=1)
 
 
 def _knot_gain(cycles: Array) -> Array:
     """Gain of a cubic B-spline from its coefficients to its knots, by cycles per knot."""
     gain: Array = (2.0 + elementary.cos(2.0 * math.pi * cycles)) / 3.0
     return gain
+
+
+def _weight(k: int, f: Any) -> Any:
+    """Weight of the k-th of four knots, f past the second."""
+    if k == 0:
+        return (1.0 - f) * ((1.0 - f) * (1.0 - f)) / 6.0
+    if k == 1:
+        return (3.0 * (f * (f * f)) - 6.0 * (f * f) + 4.0) / 6.0
+    if k == 2:
+        return (-3.0 * (f * (f * f)) + 3.0 * (f * f) + 3.0 * f + 1.0) / 6.0
+    return f * (f * f) / 6.0
+
+
+def _weight_slope(k: int, f: Any) -> Any:
+    """Its derivative by f."""
+    if k == 0:
+        return -0.5 * ((1.0 - f) * (1.0 - f))
+    if k == 1:
+        return 1.5 * (f * f) - 2.0 * f
+    if k == 2:
+        return -1.5 * (f * f) + f + 0.5
+    return 0.5 * (f * f)
+
+
+_compiled_weight = compiled(_weight)
 
 
 @compiled
@@ -125,54 +165,7 @@ def wave_height(table: WaveTable, x: float, y: float) -> float:
     total = 0.0
     for a in range(4):
         row = (i + a - 1) % size
-        wa = _weight(a, f)
+        wa = _compiled_weight(a, f)
         for b in range(4):
-            total += wa * _weight(b, g) * coefficients[row, (j + b - 1) % size]
+            total += wa * _compiled_weight(b, g) * coefficients[row, (j + b - 1) % size]
     return total
-
-
-@compiled
-def _values(coefficients: NDArray[np.float32], cos: float, sin: float, xy: Array, out: Array) -> None:
-    """The same with both slopes, at many places."""
-    size = len(coefficients)
-    for m in range(len(xy)):
-        x, y = xy[m, 0], xy[m, 1]
-        u, v = cos * x + sin * y, cos * y - sin * x
-        i, j = math.floor(u), math.floor(v)
-        f, g = u - i, v - j
-        z, zu, zv = 0.0, 0.0, 0.0
-        for a in range(4):
-            row = (i + a - 1) % size
-            wa, da = _weight(a, f), _weight_slope(a, f)
-            for b in range(4):
-                c = coefficients[row, (j + b - 1) % size]
-                wb = _weight(b, g)
-                z += wa * wb * c
-                zu += da * wb * c
-                zv += wa * _weight_slope(b, g) * c
-        out[m, 0] = z
-        out[m, 1], out[m, 2] = cos * zu - sin * zv, sin * zu + cos * zv
-
-
-@compiled
-def _weight(k: int, f: float) -> float:
-    """Weight of the k-th of four knots, f past the second."""
-    if k == 0:
-        return (1.0 - f) ** 3 / 6.0
-    if k == 1:
-        return (3.0 * f**3 - 6.0 * f**2 + 4.0) / 6.0
-    if k == 2:
-        return (-3.0 * f**3 + 3.0 * f**2 + 3.0 * f + 1.0) / 6.0
-    return f**3 / 6.0
-
-
-@compiled
-def _weight_slope(k: int, f: float) -> float:
-    """Its derivative by f."""
-    if k == 0:
-        return -0.5 * (1.0 - f) ** 2
-    if k == 1:
-        return 1.5 * f**2 - 2.0 * f
-    if k == 2:
-        return -1.5 * f**2 + f + 0.5
-    return 0.5 * f**2

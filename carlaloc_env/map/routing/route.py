@@ -108,7 +108,8 @@ class Route:
         """
         if not self.closed:
             raise MapError("only a loop can start anywhere; set loop = true or move the first route point")
-        first = round(self.project(position_m)[0] / self.step_m)
+        apart = self.position_m[:, :2] - np.asarray(position_m, dtype=np.float64)[:2]
+        first = int(np.argmin(np.sum(apart**2, axis=1)))
         return self._taking(np.roll(np.arange(len(self.position_m)), -first), self.length_m)
 
     def cut_start(self, length_m: float) -> Route:

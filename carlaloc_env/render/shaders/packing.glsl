@@ -25,8 +25,7 @@ uint mix_bits(uint x) {
     return x;
 }
 
-float lattice(ivec2 cell) {
-    uint h = uint(cell.x) * 0x9e3779b1u ^ uint(cell.y) * 0x85ebca77u;
+float lattice(uint h) {
     h ^= h >> 15;
     h *= 0x2c1b3c6du;
     h ^= h >> 13;
@@ -35,12 +34,15 @@ float lattice(ivec2 cell) {
 
 // Value noise 0..1 with cells of size 1.
 float noise(vec2 p) {
+    const uvec2 odd = uvec2(0x9e3779b1u, 0x85ebca77u);
     vec2 base = floor(p);
     vec2 f = p - base;
     f = f * f * (3.0 - 2.0 * f);
-    ivec2 i = ivec2(base);
-    float low = mix(lattice(i), lattice(i + ivec2(1, 0)), f.x);
-    float high = mix(lattice(i + ivec2(0, 1)), lattice(i + ivec2(1, 1)), f.x);
+    // The product of the next cell is this one's and once more the number: sums are cheaper.
+    uvec2 a = uvec2(ivec2(base)) * odd;
+    uvec2 b = a + odd;
+    float low = mix(lattice(a.x ^ a.y), lattice(b.x ^ a.y), f.x);
+    float high = mix(lattice(a.x ^ b.y), lattice(b.x ^ b.y), f.x);
     return mix(low, high, f.y);
 }
 

@@ -19,7 +19,7 @@ from carlaloc_env.core import clock, elementary_kernels
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.raycast import Hits
-from carlaloc_env.road.road_profile import RoughTable, level_and_slopes
+from carlaloc_env.road.road_profile import RoughTable, level_at
 from carlaloc_env.road.rough_surface import class_level, wave_height
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -249,7 +249,7 @@ def _heights(
         x, y = middle_x + rays[i, 0] + r * east, middle_y + rays[i, 1] + r * north
         level = float(levels[material[i]])
         if level == 0.0 and _IS_ROAD[kind]:
-            level = level_and_slopes(rough.level, x, y)[0]
+            level = level_at(rough.level, x, y)
         if level == 0.0:
             continue
         flat = math.sqrt(east * east + north * north)
