@@ -36,17 +36,14 @@ LONG = tuple(
         *("slam/test_evalio_points.py", "evaluation/test_long_tum.py", "publishing/"),
         "slam/test_program_instants.py",
         *("slam/test_keeper.py", "slam/test_external_programs.py", "slam/test_ros1_play.py"),
-        "writers/ros/test_ros_tools.py",
+        *("writers/ros/test_ros_tools.py", "core/test_jit.py"),
     )
 )
 """Where tests start processes, replays, environments or windows, or need other programs or the extra `peers`.
 
 `make test` leaves these places out, `make test-long` runs them.
 """
-FIRST = tuple(
-    f"tests/whole/test_{module}.py"
-    for module in ("journey", "drive_to_score", "live_and_replayed", "formats_and_commands")
-)
+FIRST = tuple(f"tests/whole/test_{module}.py" for module in ("journey", "live_and_replayed"))
 """Modules there that go through the whole, and so break first: `make test` runs them."""
 
 

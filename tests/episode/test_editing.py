@@ -20,6 +20,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.long
 def test_other_traffic_leaves_the_ego_alone_and_the_same_seed_gives_the_same(
     drive: Path, tmp_path: Path
 ) -> None:

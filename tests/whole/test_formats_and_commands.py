@@ -57,8 +57,6 @@ TRUTH = dict.fromkeys(FORMATS, ("base_link", "")) | {
 """Frame and place of the true poses that a format holds."""
 NEEDS = {"view": "rerun", "odometry": "small_gicp", "benchmark small_gicp": "small_gicp"}
 
-FIRST = ("rosbag1", "euroc")
-"""Formats that `make test` tries; all others are long."""
 SLOW = {"benchmark small_gicp": ("rosbag1", "rosbag2", "kitti"), "benchmark stereo_vo": ("rosbag1", "euroc")}
 """Commands that start a process of some seconds, and the formats that are no soak with them."""
 
@@ -110,8 +108,7 @@ def of_format(whole: SequenceFolder, tmp_path_factory: pytest.TempPathFactory) -
         pytest.param(
             name,
             command,
-            marks=[pytest.mark.soak] * (command in SLOW and name not in SLOW[command])
-            + [pytest.mark.long] * (name not in FIRST),
+            marks=[pytest.mark.soak] * (command in SLOW and name not in SLOW[command]),
         )
         for name in FORMATS
         for command in COMMANDS

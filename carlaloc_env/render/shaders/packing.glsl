@@ -29,7 +29,7 @@ float lattice(uint h) {
     h ^= h >> 15;
     h *= 0x2c1b3c6du;
     h ^= h >> 13;
-    return float(h >> 8) * (1.0 / 16777216.0);
+    return float(int(h >> 8)) * (1.0 / 16777216.0);  // signed: processors convert it at once
 }
 
 // Value noise 0..1 with cells of size 1.

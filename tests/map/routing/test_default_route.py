@@ -26,6 +26,7 @@ LANE = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", MAPS)
 def test_chosen_routes_follow_lanes(path: Path) -> None:
     """A chosen route has the length asked for and runs on driving lanes without a jump."""
@@ -40,6 +41,7 @@ def test_chosen_routes_follow_lanes(path: Path) -> None:
     assert all(network.lanes[lane].type == "driving" for lane in np.unique(route.lane))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", MAPS)
 def test_chosen_loops_close(path: Path) -> None:
     """A loop is about as long as asked, ends where it begins, and avoids the lanes that it should."""

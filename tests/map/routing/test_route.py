@@ -163,6 +163,7 @@ def test_open_route_is_cut_at_its_start(crossing: LaneNetwork) -> None:
         plan_route(crossing, [(60.0, 8.0), (-50.0, 2.0)], length_m=900.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", MAPS)
 def test_loops_on_real_maps(path: pathlib.Path) -> None:
     """Loops through drawn points: closed, smooth, projected back to where they were asked."""
