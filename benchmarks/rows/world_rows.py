@@ -164,7 +164,7 @@ def memory(bench: Bench) -> Row:
         name="memory",
         what="peak memory of the demo, all processes",
         unit="GB",
-        target=2.5,
+        target=2.8,
         at_least=False,
     )
     if not can_measure():
