@@ -23,7 +23,7 @@ pytestmark = pytest.mark.soak
 SPEED_MPS = 12.0
 PLACES = 8
 GEN1_HZ, DSEC_HZ = 9.1, 34.6
-"""Events of a pixel and second: 750 GB of 8 bytes in 39 h of 304×240 pixels (Prophesee's GEN1 set); 2 233 378 133
+"""Events of a pixel a second: 750 GB of 8 bytes in 39 h of 304×240 pixels (GEN1 of Prophesee); 2 233 378 133
 in 105 s of two cameras of 640×480 (six sequences of DSEC)."""
 
 
