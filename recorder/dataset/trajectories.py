@@ -1,7 +1,8 @@
 """Reads trajectories of any kind of file: text, or messages with poses in bags."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from carlaloc_env.core.errors import EvaluationError, unknown_name
 from recorder.bags.reader import open_bag, refused_in_one_line
 from recorder.dataset.bag_messages import stamp_ns
 from recorder.dataset.transform_tree import TF_TYPES, messages_of, read_tree
+from recorder.evaluation.pcd_poses import is_pcd, read_pcd_poses
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_checks import in_order
 from recorder.evaluation.trajectory_files import read_text_trajectory
@@ -42,7 +44,7 @@ def read_trajectory(
     """Read a trajectory of any known kind.
 
     Args:
-        path: A ROS 1 or ROS 2 bag, or a text file: see `read_text_trajectory`.
+        path: A ROS 1 or ROS 2 bag, LIO-SAM's ``transformations.pcd``, or a text: see `read_text_trajectory`.
         times: Times of KITTI's poses, a line each; None: ``times.txt`` beside the file.
         topic: Topic of a bag, ``/tf:map.base_link`` for two frames of a tree; None: the only one with poses.
         quaternion: ``xyzw`` or ``wxyz``, where a text does not name its columns; None: by form and motion.
@@ -52,9 +54,27 @@ def read_trajectory(
         EvaluationError: the file is missing, damaged or of no such kind.
     """
     path = Path(path)
+    if is_pcd(path):
+        return read_pcd_poses(path)
     if path.is_dir() or path.name.removesuffix(".zstd").endswith((".bag", ".mcap", ".db3")):
         return read_bag(path, topic)
     return read_text_trajectory(path, times=times, quaternion=quaternion, time_unit=time_unit)
+
+
+def named_apart(paths: Sequence[Path], trajectories: Sequence[Trajectory]) -> list[Trajectory]:
+    """Trajectories named by their files, with as much of the paths as tells files of one name apart."""
+    places = [Path.cwd() / path for path in paths]
+    names = [place.stem for place in places]
+    for depth in range(1, max((len(place.parts) for place in places), default=0)):
+        for whole in (False, True):
+            alike = {name for name in names if names.count(name) > 1}
+            names = [
+                "/".join((*place.parts[-depth:-1], place.name if whole else place.stem))
+                if name in alike
+                else name
+                for place, name in zip(places, names, strict=True)
+            ]
+    return [replace(one, name=name) for one, name in zip(trajectories, names, strict=True)]
 
 
 def read_bag(path: Path, topic: str | None = None) -> Trajectory:

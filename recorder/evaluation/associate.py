@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import EvaluationError
+from recorder.evaluation.stamp_units import has_frame_numbers
 from recorder.evaluation.trajectory import Trajectory
 
 _LOG = logging.getLogger(__name__)
@@ -175,6 +176,9 @@ def _beyond_gap(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> tup
 def _next_step(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> str:
     if not (len(truth) and len(estimate)):
         return "give trajectories with poses"
+    for one in (estimate, truth):
+        if has_frame_numbers(one.stamp_ns):
+            return f"the times of '{one.name}' are numbers of frames; give --times with a time for each frame"
     apart_ns = max(truth.stamp_ns[0] - estimate.stamp_ns[-1], estimate.stamp_ns[0] - truth.stamp_ns[-1])
     if apart_ns > 0:
         starts_s = float(truth.stamp_ns[0] - estimate.stamp_ns[0]) * 1e-9

@@ -18,6 +18,11 @@ _LONG_BYTES = 500_000
 _HEAD_CHARACTERS, _SAMPLE_ROWS = 100_000, 200
 _COLUMNS_MIN = 4
 """No table of poses has fewer: a time, a position."""
+_GROUPS = {
+    "q": ("qx", "qy", "qz", "qw"), "p": ("px", "py", "pz"), "v": ("vx", "vy", "vz"),
+    "bg": ("bg_x", "bg_y", "bg_z"), "ba": ("ba_x", "ba_y", "ba_z"),
+}  # fmt: skip
+"""Columns of the groups that headers of OpenVINS name: `# timestamp(s) q p v bg ba …`."""
 _COMMENTS = ("#", "%", "//")
 
 
@@ -33,6 +38,8 @@ class TextTable:
     """Whether commas are decimal points."""
     names: tuple[str, ...] | None
     """Names of the columns, if a header has as many."""
+    first_names: tuple[str, ...]
+    """Names in a header that has fewer than there are columns; groups are written out."""
     title: str | None
     """A header that is no comment."""
     begin: int
@@ -150,6 +157,7 @@ def read_table(path: Path) -> TextTable:
         separator=separator,
         decimal_comma=decimal_comma,
         names=None if header is None else _names(header, separator, words),
+        first_names=() if header is None else _first_names(header, len(words)),
         title=title,
         begin=begin,
         count=len(words),
@@ -214,6 +222,17 @@ def _names(header: str, separator: str | None, row: list[str]) -> tuple[str, ...
         if filled <= len(words) <= len(row):
             return (*words, *[""] * (len(row) - len(words)))
     return None
+
+
+def _first_names(header: str, count: int) -> tuple[str, ...]:
+    """Names of the first columns; OpenVINS' groups have several, and its header ends by a row of lists."""
+    words = re.split(
+        r"[,;\s]+", re.sub(r"\s*[\[(][^\])]*[\])]", lambda unit: unit[0].replace(" ", ""), header)
+    )
+    if {"q", "p"} <= set(words):
+        last = max(place for place, word in enumerate(words) if word in _GROUPS)
+        words = [name for word in words[: last + 1] for name in _GROUPS.get(word, (word,))]
+    return tuple(words) if len(words) < count else ()
 
 
 def _number(word: str) -> float:

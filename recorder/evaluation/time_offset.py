@@ -9,6 +9,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.align import Alignment, align, position_error_m
 from recorder.evaluation.associate import Association, associate
+from recorder.evaluation.stamp_units import has_frame_numbers
 from recorder.evaluation.trajectory import Trajectory
 
 _GRID_S = 0.01
@@ -50,7 +51,12 @@ def find_time_offset(truth: Trajectory, estimate: Trajectory, alignment: Alignme
     if not agreement > _AGREEMENT_MIN:
         raise EvaluationError(
             f"the motions of '{estimate.name}' and '{truth.name}' do not resemble each other at any offset "
-            f"(correlation {agreement:.2f}); give the offset itself"
+            f"(correlation {agreement:.2f}); "
+            + (
+                "give --times with a time for each frame"
+                if has_frame_numbers(estimate.stamp_ns)
+                else "give the offset itself"
+            )
         )
     coarse_ns = int(truth.stamp_ns[0] - estimate.stamp_ns[0]) + round(lag * step_s * 1e9)
     return _refined(truth, estimate, coarse_ns, _REACH_NS, alignment)

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from recorder.evaluation.covariance_files import stamped_lines
 from recorder.evaluation.pose_columns import PoseColumns, columns_by_name, columns_by_place, has_units
 from recorder.evaluation.pose_matrices import matrix_place, poses_of
 from recorder.evaluation.quaternion_order import WXYZ, XYZW, as_xyzw, order_by_motion
-from recorder.evaluation.stamp_units import DECIMALS, unit_of_stamps
+from recorder.evaluation.stamp_units import DECIMALS, FRAMES_MAX, has_frame_numbers, unit_of_stamps
 from recorder.evaluation.text_tables import TextTable, read_table
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_checks import in_order
@@ -25,8 +26,6 @@ _TUM = PoseColumns(
     stamp=0, position=(1, 2, 3), attitude=(4, 5, 6, 7), form="time tx ty tz qx qy qz qw", order=XYZW
 )
 _EUROC_COLUMNS = 17
-_FRAMES_MAX = 1e7
-"""Whole numbers before matrices are numbers of frames below this, else times."""
 _UNIT_NAMES = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
 _LOG = logging.getLogger(__name__)
 
@@ -46,7 +45,8 @@ def read_text_trajectory(
 
     Args:
         path: The file.
-        times: Times of KITTI's poses, one a line; None: ``times.txt`` beside the file.
+        times: Times of frames, one a line, where a file has their numbers, or KITTI's poses; None: of these
+            ``times.txt`` beside the file.
         quaternion: ``xyzw`` or ``wxyz``, where no header names them; None: by form and motion.
         time_unit: ``s``, ``ms``, ``us`` or ``ns``; None: by the header, else by size.
 
@@ -60,11 +60,14 @@ def read_text_trajectory(
     columns = _named(table)
     if columns is None:
         begin = matrix_place(table.sample)
-        if begin is None and table.count == 12 and not has_units(table.sample[:, 4:8]):
+        named = _by_first_names(table)
+        if begin is None and named is None and table.count == 12 and not has_units(table.sample[:, 4:8]):
             begin = 0
         if begin is not None:
             return _matrices(table, begin, times, time_unit)
         columns = columns_by_place(table.sample)
+        if columns is None or not has_units(table.sample[:, columns.attitude]):
+            columns = named or columns
     if columns is None:
         raise EvaluationError(
             f"{table.path} line {table.begin + 1} is not '{_TUM.form}'; give a TUM, KITTI or EuRoC file, or "
@@ -72,7 +75,7 @@ def read_text_trajectory(
         )
     if columns.note:
         _LOG.warning("%s: %s", table.path, columns.note)
-    return _poses(table, columns, quaternion, time_unit)
+    return _poses(table, columns, quaternion, time_unit, times)
 
 
 def read_tum(path: str | Path) -> Trajectory:
@@ -106,8 +109,26 @@ def _named(table: TextTable) -> PoseColumns | None:
     )
 
 
+def _by_first_names(table: TextTable) -> PoseColumns | None:
+    """Columns by a header of OpenVINS, or one that names the first columns alone; None: there is none."""
+    if not table.first_names:
+        return None
+    columns = columns_by_name(
+        (*table.first_names, *[""] * (table.count - len(table.first_names))), table.sample
+    )
+    if isinstance(columns, str) or not has_units(table.sample[:, columns.attitude]):
+        return None
+    count = len(table.first_names)
+    is_short = "px" not in table.first_names
+    return replace(columns, note=f"its header has {count} names, {table.count} columns" if is_short else None)
+
+
 def _poses(
-    table: TextTable, columns: PoseColumns, quaternion: str | None, time_unit: str | None
+    table: TextTable,
+    columns: PoseColumns,
+    quaternion: str | None,
+    time_unit: str | None,
+    times: Path | None = None,
 ) -> Trajectory:
     unit = time_unit or _unit(table, columns.stamp, columns.time_unit)
     stamps, pose = table.read(
@@ -117,6 +138,8 @@ def _poses(
         decimals=DECIMALS[unit],
         nanosecond=columns.nanosecond,
     )
+    if times is not None and has_frame_numbers(stamps):
+        stamps = _times(table.path, times, None, stamps // 10**9)
     position_m, attitude = pose[:, :3], pose[:, 3:]
     if not columns.attitude:
         return in_order(table.path, stamps, position_m, None, _line_of(table))
@@ -173,7 +196,7 @@ def _from_turns(path: Path, turns: Array, unit: str | None) -> Array:
 def _matrices(table: TextTable, begin: int, times: Path | None, time_unit: str | None) -> Trajectory:
     form = "r11 r12 r13 tx r21 … tz"
     lead = table.sample[:, 0]
-    if begin and not (np.all(lead == np.round(lead)) and np.max(np.abs(lead)) < _FRAMES_MAX):
+    if begin and not (np.all(lead == np.round(lead)) and np.max(np.abs(lead)) < FRAMES_MAX):
         unit = time_unit or _unit(table, 0, None)
         stamps, rows = table.read(range(1, 13), f"time {form}", stamp=0, decimals=DECIMALS[unit])
     else:

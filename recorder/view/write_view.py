@@ -8,7 +8,7 @@ from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
 from carlaloc_env.town.build import load_town
 from recorder.dataset.layout import SEQUENCE, is_sequence, sequence_at
 from recorder.dataset.sequence import SlamSequence
-from recorder.dataset.trajectories import read_trajectory
+from recorder.dataset.trajectories import named_apart, read_trajectory
 from recorder.episode.episode import open_episode
 from recorder.episode.episode_town import town_of
 from recorder.evaluation.associate import Association
@@ -77,7 +77,8 @@ def _errors(sequence: SlamSequence, estimates: Sequence[Path], frame: str) -> li
     if not estimates:
         return []
     truth = read_tum(sequence.truth_file(frame))
+    trajectories = named_apart(estimates, [read_trajectory(path) for path in estimates])
     return [
-        PathErrors.of(evaluate(truth, read_trajectory(path), association=Association.INTERPOLATED))
-        for path in estimates
+        PathErrors.of(evaluate(truth, trajectory, association=Association.INTERPOLATED))
+        for trajectory in trajectories
     ]

@@ -1,14 +1,16 @@
 """Files of trajectories, read as evo reads them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from shared_fixtures.readings.short_drive import EPOCH_NS, assert_same, drive
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
-from recorder.dataset.trajectories import read_trajectory
+from recorder.dataset.trajectories import named_apart, read_trajectory
 from recorder.evaluation.evaluate import evaluate
 
 
@@ -59,3 +61,69 @@ def test_complete_estimate_covers_all(first: int) -> None:
     assert result.coverage == 1.0
     half = evaluate(truth, truth.take(every[: len(every) // 2]))
     assert half.coverage == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("timestamp(s) q p v bg ba cam_imu_dt num_cam cam0_k cam0_d etc", 19),
+        ("time qx qy qz qw x y z", 19),
+        ("time qx qy qz qw x y z", 12),
+    ],
+)
+def test_states_of_openvins_with_its_header_or_names_of_the_pose(
+    header: str, columns: int, tmp_path: Path
+) -> None:
+    """Its quaternions of JPL from the world to the IMU are Hamilton's from the IMU to the world."""
+    truth = drive()
+    rows = np.hstack([truth.quat_xyzw, truth.position_m, np.full((60, columns - 8), 0.3)])
+    lines = [
+        f"{stamp / 1e9:.5f} {' '.join(map(repr, row.tolist()))} "
+        for stamp, row in zip(truth.stamp_ns.tolist(), rows, strict=True)
+    ]
+    (tmp_path / "state.txt").write_text("\n".join([f"# {header}", *lines]))
+    assert_same(read_trajectory(tmp_path / "state.txt"), truth)
+
+
+def test_numbers_of_frames_are_named_and_get_their_times(tmp_path: Path) -> None:
+    """KISS-ICP writes them in place of times where a data set has none."""
+    truth = drive()
+    rows = np.column_stack([np.arange(60), truth.position_m, truth.quat_xyzw])
+    np.savetxt(tmp_path / "kiss_tum.txt", rows, fmt="%.12f")
+    with pytest.raises(EvaluationError, match="'kiss_tum' are numbers of frames; give --times"):
+        evaluate(truth, read_trajectory(tmp_path / "kiss_tum.txt"))
+    times = "\n".join(f"{stamp // 10**9}.{stamp % 10**9:09d}" for stamp in truth.stamp_ns.tolist())
+    (tmp_path / "stamps.txt").write_text(times)
+    assert_same(read_trajectory(tmp_path / "kiss_tum.txt", times=tmp_path / "stamps.txt"), truth)
+
+
+@pytest.mark.parametrize("data", ["ascii", "binary"])
+def test_poses_of_lio_sam_in_a_cloud(data: str, tmp_path: Path) -> None:
+    """`pcl::getTransformation`: Rz(yaw) Ry(pitch) Rx(roll), in single precision beside a double time."""
+    truth = drive()
+    turns = Rotation.from_quat(truth.quat_xyzw).as_euler("xyz")
+    names = ("x", "y", "z", "intensity", "roll", "pitch", "yaw", "time")
+    rows = np.zeros(60, [(name, "<f8" if name == "time" else "<f4") for name in names])
+    columns = [*truth.position_m.T, np.arange(60), *turns.T, truth.stamp_ns / 1e9]
+    for name, column in zip(names, columns, strict=True):
+        rows[name] = column
+    head = (
+        f"# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS {' '.join(names)}\n"
+        f"SIZE 4 4 4 4 4 4 4 8\nTYPE F F F F F F F F\nCOUNT 1 1 1 1 1 1 1 1\nWIDTH 60\nHEIGHT 1\n"
+        f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 60\nDATA {data}\n"
+    ).encode()
+    text = "\n".join(" ".join(f"{value:.9f}" for value in row) for row in rows.tolist()).encode()
+    content = head + (rows.tobytes() if data == "binary" else text)
+    (tmp_path / "poses.pcd").write_bytes(content)
+    read = read_trajectory(tmp_path / "poses.pcd")
+    np.testing.assert_allclose(read.stamp_ns, truth.stamp_ns, rtol=0, atol=300)
+    assert_same(replace(read, stamp_ns=truth.stamp_ns), truth, atol=2e-6)
+    (tmp_path / "cloud.pcd").write_bytes(content.replace(b"roll pitch yaw time", b"a b c d"))
+    with pytest.raises(EvaluationError, match="a cloud of points with x, y, z, intensity, a"):
+        read_trajectory(tmp_path / "cloud.pcd")
+
+
+def test_files_of_one_name_are_told_apart_by_as_much_of_their_paths_as_that_needs() -> None:
+    paths = [Path(text) for text in ("a/x/traj.tum", "b/x/traj.tum", "other.tum", "b/traj.tum", "b/traj.csv")]
+    names = [one.name for one in named_apart(paths, [drive()] * 5)]
+    assert names == ["a/x/traj", "b/x/traj", "other", "b/traj", "traj.csv"]

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "estimates", type=input_path, nargs="+", metavar="EST", help="TUM, KITTI, EuRoC, tables or bags"
     )
     parser.add_argument("--align", default="se3", help="se3, sim3, posyaw or none (default: se3)")
-    option(parser, "--times", input_path, "TXT", "times of KITTI poses")
+    option(parser, "--times", input_path, "TXT", "times of KITTI poses, or of numbers of frames")
     for what, prefix in (("estimates", ""), ("the truth", "truth-")):
         parser.add_argument(
             f"--{prefix}topic",
@@ -91,7 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Evaluate."""
     from carlaloc_env.core.transforms import from_rotation
-    from recorder.dataset.trajectories import read_trajectory
+    from recorder.dataset.trajectories import named_apart, read_trajectory
     from recorder.evaluation.align import Alignment, body_rotation
     from recorder.evaluation.associate import MAX_GAP_NS, Association, interpolation
     from recorder.evaluation.evaluate import evaluate
@@ -108,12 +108,16 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         arguments.truth, times=arguments.times, topic=arguments.truth_topic or arguments.topic,
         quaternion=arguments.truth_quaternion, time_unit=arguments.truth_time_unit,
     )  # fmt: skip
-    results, offsets_s = [], []
-    for path in arguments.estimates:
-        estimate = read_trajectory(
+    estimates = [
+        read_trajectory(
             path, times=arguments.times, topic=arguments.topic, quaternion=arguments.quaternion,
             time_unit=arguments.time_unit,
-        )  # fmt: skip
+        )
+        for path in arguments.estimates
+    ]  # fmt: skip
+    truth, *estimates = named_apart([arguments.truth, *arguments.estimates], [truth, *estimates])
+    results, offsets_s = [], []
+    for estimate in estimates:
         if arguments.time_offset == "search":
             # Here, since what it needs of SciPy takes half of a scoring's time to import.
             from recorder.evaluation.time_offset import find_time_offset
