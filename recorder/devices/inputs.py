@@ -8,6 +8,8 @@ from typing import Any
 
 from carlaloc_env.core.errors import DeviceError, MissingDependencyError
 
+_SCAN_A, _PLACES = 4, "abcdefghijklmnopqrstuvwxyz1234567890"
+"""SDL's code of the place of A, and the keys of a US keyboard from there on."""
 _STIRRED, _MOVED = 0.02, 0.2
 """Changes of a raw value: after which it is believed, and by which a person moves it."""
 
@@ -69,7 +71,7 @@ class Press:
     """Press of a key or button."""
 
     key: int | None = None
-    """pygame key code, None for a button."""
+    """pygame key code by place, None for a button."""
     stick: Stick | None = None
     """Whose button, None for a key."""
     button: int = -1
@@ -139,10 +141,10 @@ class Inputs:
             if event.type == pygame.QUIT:
                 self.closed = True
             elif event.type == pygame.KEYDOWN:
-                self.keys.add(event.key)
-                self.presses.append(Press(key=event.key))
+                self.keys.add(key_at_place(event))
+                self.presses.append(Press(key=key_at_place(event)))
             elif event.type == pygame.KEYUP:
-                self.keys.discard(event.key)
+                self.keys.discard(key_at_place(event))
             elif event.type == pygame.WINDOWFOCUSLOST:
                 self.keys.clear()
             elif event.type == pygame.JOYDEVICEADDED:
@@ -205,6 +207,15 @@ class Inputs:
         stick = self.sticks.pop(instance, None)
         if stick is not None:
             self.lost.append(stick)
+
+
+def key_at_place(event: Any) -> int:
+    """Key code that a US keyboard has at the place of a letter or digit; other keys have their own.
+
+    Layouts without Latin letters have no others, and A, W and Q lie elsewhere on French ones.
+    """
+    place = getattr(event, "scancode", 0) - _SCAN_A
+    return ord(_PLACES[place]) if 0 <= place < len(_PLACES) else int(event.key)
 
 
 def usb_of_guid(guid: str) -> str:

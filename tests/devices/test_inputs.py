@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 
 from carlaloc_env.core.errors import DeviceError
+from recorder.devices.base import Command
 from recorder.devices.inputs import Inputs, usb_of_guid
+from recorder.devices.keys import KEY_COMMANDS
 
 
 def test_usb_ids_are_read_from_guids() -> None:
@@ -52,3 +54,19 @@ def test_a_video_driver_that_does_not_start_is_a_line() -> None:
     done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
     assert DeviceError.__name__ in done.stderr
     assert "SDL_VIDEODRIVER" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize(("layout", "typed"), [("US", "wadq"), ("Russian", "цфвй"), ("French", "zqda")])
+def test_letters_count_by_their_place_on_the_keyboard(layout: str, typed: str, inputs: Inputs) -> None:
+    """Codes of places are those of USB's usage tables (page 7): A is 4, D 7, Q 20, W 26."""
+    pygame = pytest.importorskip("pygame")
+    for letter, place in zip(typed, (26, 4, 7, 20), strict=True):
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=ord(letter), scancode=place))
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_SPACE, scancode=44))
+    inputs.pump()
+    assert inputs.keys == {ord("w"), ord("a"), ord("d"), ord("q"), pygame.K_SPACE}
+    assert KEY_COMMANDS[inputs.presses[3].key or 0] is Command.INDICATOR_LEFT
+    # Released after the layout was changed.
+    pygame.event.post(pygame.event.Event(pygame.KEYUP, key=ord("w"), scancode=26))
+    inputs.pump()
+    assert ord("w") not in inputs.keys
