@@ -30,7 +30,11 @@ class InterruptHandler:
 
 @contextmanager
 def ended_as_by_ctrl_c() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal end a command as Ctrl-C does, so that it cleans up."""
+    """Let SIGTERM and a closed terminal end a command as Ctrl-C does, so that it cleans up.
+
+    Raises:
+        KeyboardInterrupt: a signal came, also where it was dropped on its way and the command ran to its end.
+    """
     handler = InterruptHandler()
     before: dict[int, Any] = {}
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
@@ -41,6 +45,7 @@ def ended_as_by_ctrl_c() -> Iterator[None]:
             before[number] = signal.signal(number, handler)
     try:
         yield
+        raise_again()
     finally:
         for number, former in before.items():
             signal.signal(number, former)

@@ -46,13 +46,23 @@ def test_a_signal_ends_a_command(number: signal.Signals) -> None:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("number", NUMBERS)
 def test_a_dropped_interrupt_is_raised_again(number: signal.Signals) -> None:
-    with Progress("driving") as progress, ended_as_by_ctrl_c():
+    with Progress("driving") as progress, pytest.raises(KeyboardInterrupt), ended_as_by_ctrl_c():
         progress.update(0.0)
         dropped = _Dropping(number)
         del dropped
         gc.collect()
         with pytest.raises(KeyboardInterrupt):
             progress.update(0.25)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_command_that_ran_on_does_not_end_as_done(number: signal.Signals) -> None:
+    """The interrupt was dropped behind its last look."""
+    with pytest.raises(KeyboardInterrupt), ended_as_by_ctrl_c():
+        dropped = _Dropping(number)
+        del dropped
+        gc.collect()
 
 
 def test_nothing_is_raised_unasked() -> None:
