@@ -71,7 +71,7 @@ def _reader(paths: Sequence[Path]) -> AnyReader:
 
 
 class _McapFile(McapReader):
-    """Reads files whose summary lacks a part, and unsorted messages without chunks; rosbags does not."""
+    """Reads files whose summary lacks a part, and unsorted messages without chunks; rosbags 0.11.9 cannot."""
 
     def open(self) -> None:
         """Open the file; topics of other encodings (JSON, Protobuf) are passed over."""
@@ -112,7 +112,7 @@ def _text(bio: BinaryIO) -> str:
 
 
 class _Lenient:
-    """A reader of a file without those of its definitions that rosbags does not understand.
+    """A reader of a file without those of its definitions that rosbags 0.11.9 does not understand.
 
     Such are services of ROS 2 Jazzy, which must not block the other topics.
     """

@@ -17,6 +17,8 @@ CHUNK_BYTES = 1 << 20
 class McapStorage:
     """Storage that `rosbags.rosbag2.Writer` calls for each message.
 
+    That of rosbags 0.11.9 packs no chunk and writes no checksums, attachments and records of one's own.
+
     Args:
         path: Folder of the bag; the file is named after it.
         _: Mode of compression, which is always that of chunks.

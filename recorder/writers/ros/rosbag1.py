@@ -22,7 +22,7 @@ def compress_lz4_for_ros(data: bytes) -> bytes:
     """LZ4 frame of the only form that ROS 1's `roslz4` reads.
 
     It wants independent blocks, no content size and a content checksum; with other flags, among them
-    the defaults of lz4 and rosbags, `rosbag play` stops with "malformed data to decompress".
+    the defaults of lz4 and rosbags 0.11.9, `rosbag play` stops with "malformed data to decompress".
     """
     frame: bytes = lz4.frame.compress(
         data,
