@@ -23,7 +23,7 @@ from carlaloc_env.core.files.file_locks import claim
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.map.sources import ALIASES, known_towns
 from carlaloc_env.rigs.presets import RIG_RIDES
-from recorder.dataset.layout import EPISODES, SEQUENCE, DatasetFolder
+from recorder.dataset.layout import EPISODES, SEQUENCE, DatasetFolder, files_below
 from recorder.dataset.manifest import DatasetManifest, write_manifest
 from recorder.drive.standard_drives import ROUTE_M, STANDARD_SEEDS, expected_drive_s, record_drive
 from recorder.episode.episode import Episode
@@ -113,7 +113,7 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
     rig_of(config.replay)
     has_drives = DatasetFolder(config.out).description.exists()
     whole = DatasetManifest.read(config.out, WriterError).drives if has_drives else {}
-    there = [path for path in config.out.rglob("*") if path.is_file()]
+    there = files_below(config.out)
     kept = sum(path.stat().st_size for path in there)
     lengths_s = {town: length_s(config, town) for town in config.towns}
     workers = config.replay.workers or len(usable_cores())

@@ -8,7 +8,7 @@ from pathlib import Path
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.text_files import read_text
-from recorder.dataset.layout import CHECKSUMS
+from recorder.dataset.layout import CHECKSUMS, files_below
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -47,9 +47,9 @@ def read_checksums(folder: Path, error: type[CarlaLocError] = ConfigError) -> di
 def _names(folder: Path) -> list[str]:
     """Paths of all files, in the order of their parts."""
     names = []
-    for path in sorted(folder.rglob("*")):
+    for path in files_below(folder):
         inner = path.relative_to(folder)
-        if path.is_file() and inner != Path(CHECKSUMS) and not any(p.startswith(".") for p in inner.parts):
+        if inner != Path(CHECKSUMS) and not any(p.startswith(".") for p in inner.parts):
             names.append(inner.as_posix())
     return names
 

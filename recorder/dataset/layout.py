@@ -12,6 +12,7 @@ DIR/TOWN/WEATHER_TRAFFIC/sequence.yaml  SHA256SUMS    one sequence: its descript
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -163,7 +164,7 @@ class DriveFolder:
 
     def sequence(self, name: str) -> SequenceFolder:
         """The folder of a sequence."""
-        return SequenceFolder(path_below(self.path, name))
+        return SequenceFolder(path_below(self.path, name, link=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,11 +186,24 @@ class DatasetFolder:
 
     def drive(self, town: str) -> DriveFolder:
         """The folder of a drive."""
-        return DriveFolder(path_below(self.path, town))
+        return DriveFolder(path_below(self.path, town, link=True))
 
     def episode(self, town: str) -> Path:
         """The recorded drive of a town, where the dataset holds it."""
         return path_below(self.path / EPISODES, f"{town}.mcap")
+
+
+def files_below(folder: Path) -> list[Path]:
+    """All files below a folder, by their paths; folders that are links are followed, each once."""
+    files: list[Path] = []
+    places: set[Path] = set()
+    for root, folders, names in os.walk(folder, followlinks=True):
+        if (place := Path(root).resolve()) in places:
+            folders.clear()
+            continue
+        places.add(place)
+        files += [file for name in names if (file := Path(root, name)).is_file()]
+    return sorted(files)
 
 
 def is_sequence(path: Path) -> bool:
@@ -204,6 +218,6 @@ def sequence_at(path: Path) -> SequenceFolder:
 
 def sequences_below(root: Path) -> list[SequenceFolder]:
     """Finished sequences of all datasets below a folder, by their paths."""
-    folders = sorted(file.parent for file in root.rglob(SEQUENCE))
+    folders = [file.parent for file in files_below(root) if file.name == SEQUENCE]
     hidden = [any(part.startswith(".") for part in path.relative_to(root).parts) for path in folders]
     return [SequenceFolder(path) for path, skip in zip(folders, hidden, strict=True) if not skip]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from recorder.dataset.layout import SEQUENCE, sequences_below
+from recorder.dataset.layout import SEQUENCE, files_below, sequences_below
 from recorder.dataset.manifest import SequenceDescription
 from recorder.evaluation.trajectory_files import read_tum
 
@@ -59,7 +59,7 @@ def conditions(dataset: Path, sha256: Mapping[str, str]) -> pd.DataFrame:
                 "samples": sum(description.samples.values()),
                 "samples_by_stream": json.dumps(description.samples),
                 "weather_parameters": json.dumps(description.weather),
-                "size_bytes": sum(p.stat().st_size for p in folder.path.rglob("*") if p.is_file()),
+                "size_bytes": sum(p.stat().st_size for p in files_below(folder.path)),
                 "sha256": sha256[f"{name}/{SEQUENCE}"],
             }
         )

@@ -8,12 +8,13 @@ from the remains of a killed or failed run.
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from shutil import rmtree
+from shutil import copy2, copytree, rmtree
 from types import TracebackType
 from typing import IO, Any
 
@@ -213,10 +214,24 @@ def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:
             if (part.name in SHARED and begun) or (out / town / part.name).exists():
                 rmtree(part)
             else:
-                part.rename(out / town / part.name)
+                _move(part, out / town / part.name)
     except OSError as error:
         raise WriterError(f"cannot give {error.filename} its final name: {error.strerror}") from error
     list_drive(out, town, marks["origin"])
+
+
+def _move(part: Path, final: Path) -> None:
+    """Give a finished folder its final name, also on another disk, where the drive may be a link."""
+    try:
+        part.rename(final)
+    except OSError as error:
+        if error.errno != errno.EXDEV:
+            raise
+        half = final.with_name(f".{final.name}.part")
+        rmtree(half, ignore_errors=True)
+        (copytree if part.is_dir() else copy2)(part, half)
+        half.rename(final)
+        rmtree(part) if part.is_dir() else part.unlink()
 
 
 def _remove_if_empty(folder: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from carlaloc_env.samples import Image, ObjectList, Odometry
 from recorder.dataset.bag_messages import Stamps, stamps_in
+from recorder.dataset.layout import files_below
 from recorder.dataset.reading_checks import check_gaps
 from recorder.writers.formats.nuscenes_tables import VERSION
 from recorder.writers.ros.messages import ENCODERS
@@ -120,7 +121,7 @@ def check_colmap(folder: Path) -> Iterator[str]:
 
 def _check_list(folder: Path, parts: tuple[str, ...], names: Iterable[str]) -> Iterator[str]:
     listed = set(names)
-    files = (path for part in parts for path in (folder / part).rglob("*") if path.is_file())
+    files = (path for part in parts for path in files_below(folder / part))
     there = {path.relative_to(folder).as_posix() for path in files}
     if missing := sorted(listed - there):
         yield f"{folder.name}: {len(missing)} files are missing, the first is {missing[0]}"

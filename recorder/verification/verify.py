@@ -4,9 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from carlaloc_env.core.files.output_paths import path_below
 from recorder.dataset.checksums import checksums, read_checksums
-from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.layout import DatasetFolder, SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.replaying.working_folder import FOLDER
 from recorder.verification.against import compare
@@ -57,7 +56,8 @@ def verify(
         findings.append(f"{FOLDER}: an unfinished run lies there; run its command again")
     for name in manifest.sequences:
         report(name)
-        sequence = SequenceFolder(path_below(folder, name))
+        town, _, condition = name.partition("/")
+        sequence = DatasetFolder(folder).drive(town).sequence(condition)
         profile = manifest.profile(sequence.path.parent.name)
         findings += [f"{name}: {fault}" for fault in _check_sequence(sequence, profile)]
     within: tuple[str, ...] = ()

@@ -5,6 +5,7 @@ import platform
 import shutil
 import subprocess
 import sys
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,15 @@ from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.file_locks import _boot
+from recorder.benchmark.plan import find_sequences
 from recorder.dataset.checksums import checksums
+from recorder.dataset.layout import CHECKSUMS
 from recorder.replaying import cost, run
 from recorder.replaying import plan as replay_plan
 from recorder.replaying.code_digest import code_digest
 from recorder.replaying.replay import ReplayConfig, replay
 from recorder.replaying.working_folder import FOLDER, OWNER, WorkingFolder
+from recorder.verification.verify import verify
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -168,3 +172,25 @@ def test_a_failed_replay_leaves_no_folder(straight_drive: StraightDrive, tmp_pat
     with pytest.raises(WriterError, match="IMU"):
         replay(straight_drive.config(tmp_path / "a" / "b", rig=str(rig), formats=("euroc",)))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["no_imu.yaml"]
+
+
+def test_a_drive_may_lie_on_another_disk_behind_a_link(straight_drive: StraightDrive, tmp_path: Path) -> None:
+    """It is found and verified, and another replay adds to it and to the checksums, as without the link."""
+    config = replace(straight_drive.config(tmp_path / "data"), formats=("euroc",))
+    plain = replace(config, out=tmp_path / "plain")
+    for one in (config, plain):
+        replay(one)
+    elsewhere = Path(tempfile.mkdtemp(dir="/dev/shm" if Path("/dev/shm").is_dir() else tmp_path))
+    try:
+        shutil.move(config.out / "straight", elsewhere)
+        (config.out / "straight").symlink_to(elsewhere / "straight")
+        (config.out / "straight" / "round").symlink_to(config.out)
+        assert verify(config.out).findings == ()
+        for one in (config, plain):
+            replay(replace(one, traffic=("static",)))
+        assert verify(config.out).findings == ()
+        ours, theirs = ([s.key for s in find_sequences(one.out)] for one in (config, plain))
+        assert (len(ours), ours) == (2, theirs)
+        assert (config.out / CHECKSUMS).read_bytes() == (plain.out / CHECKSUMS).read_bytes()
+    finally:
+        shutil.rmtree(elsewhere)

@@ -55,18 +55,20 @@ def check_output_folder(path: str | Path, *, files: Sequence[str] = (), overwrit
     return path
 
 
-def path_below(folder: str | Path, name: str | Path) -> Path:
+def path_below(folder: str | Path, name: str | Path, *, link: bool = False) -> Path:
     """Path of something in a folder; what files of others name is opened through this alone.
 
     Args:
         folder: The folder.
         name: Name, or path relative to it.
+        link: Whether it may be a link to anywhere, as a drive that is kept on another disk.
 
     Raises:
         OutputError: it lies outside, be it by ``..``, as an absolute path or through a link.
     """
     path = Path(folder) / name
-    if not path.resolve().is_relative_to(Path(folder).resolve()) or Path(name) == Path():
+    place = path.parent.resolve() / path.name if link and path.name != ".." else path.resolve()
+    if not place.is_relative_to(Path(folder).resolve()) or Path(name) == Path():
         raise OutputError(f"{str(name)!r} leads out of {folder}; give a name without folders")
     return path
 

@@ -56,4 +56,8 @@ def test_paths_stay_below(tmp_path: Path) -> None:
     for name in ("../outside", "link/x", str(outside), "a/../../outside", ""):
         with pytest.raises(OutputError, match="leads out"):
             path_below(inside, name)
+    assert path_below(inside, "link", link=True) == inside / "link"
+    for name in ("..", "link/x", "link/.."):
+        with pytest.raises(OutputError, match="leads out"):
+            path_below(inside, name, link=True)
     assert path_below(inside, "kalibr/imu.yaml") == inside / "kalibr/imu.yaml"
