@@ -30,7 +30,7 @@ from carlaloc_env.town.town import Town
 SPEED_MPS = 12.0
 SHARES = (0.1, 0.3, 0.5, 0.7)
 """How much of the town's route lies behind the ego, at each place."""
-TARGET = 2.5
+TARGET = 1.5
 
 
 def events(bench: Bench) -> Row:
