@@ -8,7 +8,6 @@ RUN apt-get update \
         libegl1 \
         libgl1 \
         libgl1-mesa-dri \
-        libgomp1 \
         libidn2-0 \
         libusb-1.0-0 \
     && rm -rf /var/lib/apt/lists/*
