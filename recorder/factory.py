@@ -19,6 +19,7 @@ from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.atomic_files import atomic_write, remove
+from carlaloc_env.core.files.config_files import set_paths
 from carlaloc_env.core.files.file_locks import claim
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.map.sources import ALIASES, known_towns
@@ -61,6 +62,7 @@ class DatasetConfig:
     """Seed by which drives are recorded; None: the standard drive of each town."""
 
     def __post_init__(self) -> None:
+        set_paths(self, "out", "episodes")
         for town in self.towns:
             if town not in known_towns():
                 raise ConfigError(f"no town '{town}'; use some of {', '.join(ROUTE_M)}")

@@ -140,13 +140,13 @@ class SensorRig:
         return cls(name=str(document.get("name", "rig")), sensors=tuple(sensors), faults=faults)
 
     @classmethod
-    def load(cls, path: Path, bases: Bases | None = None) -> SensorRig:
+    def load(cls, path: str | Path, bases: Bases | None = None) -> SensorRig:
         """Rig of a YAML file, see `from_mapping`.
 
         Raises:
             ConfigError: the file cannot be read or is not a valid rig.
         """
-        return cls.from_yaml(read_text(path, "rig"), path.name, bases)
+        return cls.from_yaml(read_text(path, "rig"), Path(path).name, bases)
 
 
 Bases = Mapping[str, Callable[[], SensorRig]]

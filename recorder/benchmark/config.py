@@ -5,6 +5,7 @@ from pathlib import Path
 
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.files.config_files import set_paths
 from recorder.dataset.sequence import RAW, SEGMENTED
 from recorder.evaluation.fail_rule import FailRule
 from recorder.streaming.drive import DriveConfig
@@ -39,6 +40,7 @@ class BenchmarkConfig:
     """Which kept results are made again: ``failed`` or ``all`` of them; None: none."""
 
     def __post_init__(self) -> None:
+        set_paths(self, "data", "out")
         core_count = len(usable_cores())
         if not 1 <= self.workers <= core_count:
             raise ConfigError(f"{self.workers} workers; {core_count} cores may be used, one run needs one")

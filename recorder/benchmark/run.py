@@ -13,6 +13,7 @@ from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDepend
 from carlaloc_env.core.files.text_files import last_line
 from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
 from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.notes import notes_on
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
 from recorder.benchmark.results import fingerprint_of, keep, read_result, run_job
 from recorder.benchmark.score import ERRORS, Score
@@ -100,6 +101,8 @@ def run_benchmark(
     jobs = plan_jobs(sequences, systems, runs=config.runs, clouds=config.clouds)
     if not jobs:
         raise ConfigError("nothing to run; choose other methods or clouds")
+    for note in notes_on(sequences, [system for _, system in systems]):
+        _LOG.warning("%s", note)
     config.out.mkdir(parents=True, exist_ok=True)
     scored: dict[int, Score] = {}
     fingerprints = {job.folder: fingerprint_of(job, config) for job in jobs}

@@ -216,8 +216,9 @@ def sequence_at(path: Path) -> SequenceFolder:
     return SequenceFolder(path.parent if path.name == SEQUENCE else path)
 
 
-def sequences_below(root: Path) -> list[SequenceFolder]:
+def sequences_below(root: str | Path) -> list[SequenceFolder]:
     """Finished sequences of all datasets below a folder, by their paths."""
+    root = Path(root)
     folders = [file.parent for file in files_below(root) if file.name == SEQUENCE]
     hidden = [any(part.startswith(".") for part in path.relative_to(root).parts) for path in folders]
     return [SequenceFolder(path) for path, skip in zip(folders, hidden, strict=True) if not skip]

@@ -41,8 +41,9 @@ class SlamSequence:
         EvaluationError: there is no such folder, or it was taken out of its dataset.
     """
 
-    def __init__(self, folder: Path, *, cloud: str = RAW, readings: Readings | None = None) -> None:
+    def __init__(self, folder: str | Path, *, cloud: str = RAW, readings: Readings | None = None) -> None:
         # A relative path of two parts or fewer does not name the dataset's folder.
+        folder = Path(folder)
         self.files, self.cloud = SequenceFolder(folder if len(folder.parts) > 2 else folder.resolve()), cloud
         dataset = self.files.drive.dataset
         if self.files.description.is_file() and not dataset.description.is_file():

@@ -13,6 +13,7 @@ from typing import Any
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
+from carlaloc_env.core.files.config_files import set_paths
 from carlaloc_env.core.files.library_versions import library_version
 from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
 from carlaloc_env.core.freed_memory import give_back_freed_memory
@@ -72,6 +73,7 @@ class RecordConfig:
     """Weather in the window, by name or as a schedule (``.yaml``); a replay may choose any other."""
 
     def __post_init__(self) -> None:
+        set_paths(self, "out")
         if self.device not in DEVICES:
             raise DeviceError(unknown_name("device", self.device, DEVICES))
         ride_by_name(self.ride)

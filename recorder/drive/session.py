@@ -215,7 +215,8 @@ class DriveSession:
         status.slow = pacer.speed if pacer.is_slow and not status.paused else None
         self.slowest = min(self.slowest, pacer.speed)
         status.size_mb = self.listener.writer.size_bytes / 1e6
-        status.faults = sum(self.listener.counts[kind] for kind in (*VIOLATIONS, "collision"))
+        status.collisions = self.listener.counts["collision"]
+        status.broken = sum(self.listener.counts[kind] for kind in VIOLATIONS)
 
     @property
     def _restart_place(self) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.files.config_files import set_paths
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.render.views import check_quality
 from carlaloc_env.rigs.presets import rig_by_name
@@ -91,6 +92,7 @@ class ReplayConfig(ReplayOptions):
     def __post_init__(self) -> None:
         # Without arguments, `super` does not find the class that slots have recreated.
         super(ReplayConfig, self).__post_init__()
+        set_paths(self, "episode", "out")
         if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
             raise ConfigError("start must not be negative and duration must be above zero")
 

@@ -91,7 +91,7 @@ class BagScans:
 
 
 def run_odometry(
-    bag: Path,
+    bag: str | Path,
     method: str,
     topic: str | None = None,
     progress: Progress = lambda *_: None,
@@ -115,6 +115,13 @@ def run_odometry(
         MissingDependencyError: its library is not installed.
         EvaluationError: the bag is damaged or has no such topic.
     """
+    bag = Path(bag)
+    if method not in METHODS and method in SYSTEMS:
+        needs = " and ".join(SYSTEMS[method].needs)
+        raise ConfigError(
+            f"'{method}' reads {needs} of a dataset, not a bag: carlaloc benchmark DATA --methods {method}; "
+            f"of bags: {', '.join(METHODS)}"
+        )
     if method not in METHODS:
         raise ConfigError(unknown_name("method", method, METHODS))
     system = SYSTEMS[METHODS[method]]

@@ -35,7 +35,7 @@ class Verification:
 
 
 def verify(
-    folder: Path, progress: Callable[[str], None] | None = None, *, against: Path | None = None
+    folder: str | Path, progress: Callable[[str], None] | None = None, *, against: Path | None = None
 ) -> Verification:
     """Check a finished dataset for faults.
 
@@ -47,6 +47,7 @@ def verify(
     Raises:
         ConfigError: a folder holds no dataset.
     """
+    folder = Path(folder)
     manifest = DatasetManifest.read(folder)
     expected = read_checksums(folder)
     report = progress or (lambda _: None)

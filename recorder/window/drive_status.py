@@ -32,7 +32,9 @@ class DriveStatus:
     """World over real time when too slow."""
     size_mb: float = 0.0
     """Size of the recording [MB]."""
-    faults: int = 0
-    """Violations and collisions."""
+    collisions: int = 0
+    """Number of collisions."""
+    broken: int = 0
+    """Number of rules broken."""
     warnings: tuple[str, ...] = ()
     """Names of present violations."""

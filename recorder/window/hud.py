@@ -149,7 +149,8 @@ class Hud:
         text = f"REC {minutes:02d}:{seconds:02d}   {state.status.size_mb:.1f} MB   {_metres(state.driven_m)}"
         self._text(surface, text, "small", (1.8 * u, u), WHITE, "midleft", shadow=True)
         view = f"view: {state.view}, {state.pictures_hz:.0f} pictures/s"
-        line = f"{state.status.device}   {view}   faults: {state.status.faults}   H: help"
+        counts = f"collisions {state.status.collisions}, rules broken {state.status.broken}"
+        line = f"{state.status.device}   {view}   {counts}   H: help"
         self._text(surface, line, "small", (0.6 * u, 1.8 * u), WHITE, "topleft", shadow=True)
 
     def _lines(self, surface: Any, state: HudState) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.rigs.presets import RIGS, rig_by_name
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.presets import weather_by_name
 from recorder.cli.commands.list import KINDS
 from recorder.cli.main import COMMANDS, main
@@ -35,6 +36,22 @@ def test_what_is_listed_can_be_named(kind: str, capsys: pytest.CaptureFixture[st
     assert main(["list", kind]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == list(names)
+
+
+def test_a_file_of_a_rig_is_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With and without the sensors that it extends written out; its path may be a text in Python, too."""
+    file = tmp_path / "my.yaml"
+    file.write_text("extends: lidar\nname: mine\nsensors: [{kind: imu, rate_hz: 50}]\n")
+    assert main(["list", "rigs", str(file), "--yaml"]) == 0
+    assert SensorRig.from_yaml(capsys.readouterr().out) == SensorRig.load(str(file), RIGS)
+    file.write_text("sensors: [{kind: imu, rate: 50}]\n")
+    assert main(["list", "rigs", str(file)]) == 1
+    assert "did you mean 'rate_hz'" in capsys.readouterr().err
+
+
+def test_a_system_that_needs_more_than_a_bag_names_the_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["odometry", "run.bag", "--method", "rko_lio", "--out", "a.tum"]) == 1
+    assert "carlaloc benchmark DATA --methods rko_lio" in capsys.readouterr().err
 
 
 def test_bash_completes_commands_and_options(tmp_path: Path) -> None:

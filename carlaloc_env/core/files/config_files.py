@@ -5,11 +5,19 @@ import enum
 import types
 import typing
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeVar, Union, cast
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
 
 T = TypeVar("T")
+
+
+def set_paths(config: Any, *names: str) -> None:
+    """Make paths of texts that were given for fields of a frozen dataclass."""
+    for name in names:
+        if isinstance(value := getattr(config, name), str):
+            object.__setattr__(config, name, Path(value))
 
 
 def to_mapping(config: Any) -> dict[str, Any]:

@@ -8,7 +8,7 @@ _ERROR_LINE = 300
 """Longest text of an error that is kept [characters]."""
 
 
-def read_text(path: Path, kind: str, error: type[CarlaLocError] = ConfigError) -> str:
+def read_text(path: str | Path, kind: str, error: type[CarlaLocError] = ConfigError) -> str:
     """Text of a file, without the mark that editors of Windows put at the beginning.
 
     Args:
@@ -20,7 +20,7 @@ def read_text(path: Path, kind: str, error: type[CarlaLocError] = ConfigError) -
         CarlaLocError: of this kind; the file cannot be read or is no text.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as fault:
         where = f"at byte {fault.start + 1}"
         raise error(

@@ -18,7 +18,9 @@ KINDS = ("weathers", "traffic", "rigs", "formats", "topics", "methods", "devices
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc list`."""
     parser.add_argument("kind", choices=KINDS, metavar="KIND", help=", ".join(KINDS))
-    parser.add_argument("name", nargs="?", help="one name of them")
+    parser.add_argument(
+        "name", nargs="?", help="one name of them; of rigs also a .yaml file, which is checked"
+    )
     parser.add_argument("--yaml", action="store_true", help="print a rig as the YAML file of --rig")
 
 
@@ -27,6 +29,10 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.listed_names import list_names
 
     names, name = list_names(arguments.kind), arguments.name
+    if arguments.kind == "rigs" and name is not None and name.endswith((".yaml", ".yml")):
+        from carlaloc_env.rigs.presets import rig_by_name
+
+        names[name] = f"a file: {', '.join(sensor.name for sensor in rig_by_name(name).sensors)}"
     if arguments.yaml and (arguments.kind != "rigs" or name is None):
         raise UsageError("--yaml prints one rig: carlaloc list rigs lidar --yaml")
     if name is not None:

@@ -45,9 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
+    from recorder.episode.episode import Episode
     from recorder.replaying.cost import size_of
     from recorder.replaying.options import ReplayConfig
     from recorder.replaying.replay import replay
+    from recorder.replaying.start_at_rest import motion_at_start_of
 
     config = config_of(
         ReplayConfig, arguments, **replay_options(arguments), start_s=arguments.start,
@@ -55,6 +57,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         camera_duration_s=arguments.camera_duration,
     )  # fmt: skip
     results: list[Any] = []
+    told: list[ReplayCost] = []
     replays = _of_noise_seeds(config, arguments.noise_seeds)
 
     def announce(cost: ReplayCost) -> None:
@@ -63,6 +66,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         cost = replace(cost, written_bytes=count * cost.written_bytes, cpu_s=count * cost.cpu_s)
         cost.check(config.out, kept_bytes=size_of(config.out))
         announced(cost)
+        if not told and (note := motion_at_start_of(Episode.load(config.episode).timeline(), config.start_s)):
+            announced(f"the stretch {note}")
+        told.append(cost)
 
     for replayed in replays:
         with Progress("replaying") as progress:
