@@ -10,20 +10,20 @@ COVERAGE := --cov=carlaloc_env --cov=recorder --cov-report=
 
 setup: $(READY)
 
-$(READY): EXTRAS := slam,report,compact,dev
+$(READY): PACKAGES := --editable ".[slam,report,compact]" --group dev
 # As README installs; the tools of tests would take as long again.
-$(DEMO): EXTRAS := slam,report
+$(DEMO): PACKAGES := --editable ".[slam,report]"
 
 $(READY) $(DEMO): pyproject.toml .ci/system-libraries
 	@python=$$(PYTHON="$(PYTHON)" .ci/find-python) && PYTHON="$$python" .ci/system-libraries && \
 		if [ "$$python" != $(BIN)/python ]; then "$$python" -m venv --clear .venv; fi
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --no-compile --editable ".[$(EXTRAS)]"
+	$(BIN)/python -m pip install --quiet --no-compile $(PACKAGES)
 	@touch $@
 
 # What long tests compare with: as large as all other tools.
 $(PEERS): $(READY)
-	$(BIN)/python -m pip install --quiet --no-compile --editable ".[peers]"
+	$(BIN)/python -m pip install --quiet --no-compile --group peers
 	@touch $@
 
 .venv/warm: $(READY)
@@ -42,7 +42,7 @@ sample: $(READY)
 	test $$(wc -c <out/sample.tar) -le 20000000
 
 docs: $(READY)
-	$(BIN)/python -m pip install --quiet --editable ".[docs]"
+	$(BIN)/python -m pip install --quiet --group docs
 	$(BIN)/python -m mkdocs build --strict
 
 # Tests start hundreds of processes: each reads compiled sources, whatever the shell says of writing them.

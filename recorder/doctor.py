@@ -191,6 +191,8 @@ def _physics() -> tuple[bool, str]:
 
 
 def _joystick() -> tuple[bool, str]:
+    if len(installed_distributions("pygame")) > 1:
+        return False, "pygame and pygame-ce are both installed: uninstall both by pip, then install pygame-ce"
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     import pygame

@@ -39,7 +39,7 @@ LONG = tuple(
         *("writers/ros/test_ros_tools.py", "core/test_jit.py"),
     )
 )
-"""Where tests start processes, replays, environments or windows, or need other programs or the extra `peers`.
+"""Where tests start processes, replays, environments or windows, or need other programs or the group `peers`.
 
 `make test` leaves these places out, `make test-long` runs them.
 """

@@ -184,7 +184,10 @@ def learn_beside_highway_env(bench: Bench) -> Row:
     try:
         import highway_env  # noqa: F401  registers its environments
     except ImportError:
-        return row(value=None, note="highway-env is not installed: pip install highway-env")
+        return row(
+            value=None,
+            note="no highway-env: pip install --no-deps highway-env (else it brings pygame)",
+        )
     seconds = 2.0 if bench.quick else 40.0
     theirs = gymnasium.make(
         "highway-v0", config={"vehicles_count": 100, "duration": 40, "policy_frequency": 5}

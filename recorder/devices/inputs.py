@@ -95,7 +95,7 @@ def import_pygame(needed_by: str) -> Any:
     try:
         import pygame
     except ImportError as error:
-        raise MissingDependencyError(f"{needed_by} pygame ({error}); pip install pygame") from error
+        raise MissingDependencyError(f"{needed_by} pygame ({error}); pip install pygame-ce") from error
     return pygame
 
 

@@ -72,7 +72,7 @@ class VirtualStick(AbstractContextManager["VirtualStick"]):
         except (OSError, AttributeError):
             index = -1
         if index < 0:
-            raise DeviceError("this SDL makes no virtual joysticks; install pygame 2.5 or newer by pip")
+            raise DeviceError("this SDL makes no virtual joysticks; install pygame-ce 2.5 or newer by pip")
         self._handle = self._sdl.SDL_JoystickOpen(index)
         self._instance = self._sdl.SDL_JoystickInstanceID(self._handle)
         self._plugged = True

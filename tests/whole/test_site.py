@@ -37,8 +37,8 @@ class _Quiet(SimpleHTTPRequestHandler):
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
     """The site as `make docs` builds it, links checked and tutorials run: its address and folder."""
-    pytest.importorskip("mkdocs", reason="needs the extra `docs`")
-    pytest.importorskip("material", reason="needs the extra `docs`")
+    pytest.importorskip("mkdocs", reason="needs the group `docs`")
+    pytest.importorskip("material", reason="needs the group `docs`")
     folder = tmp_path_factory.mktemp("site")
     words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -2,8 +2,12 @@
 
 from importlib.metadata import PackageNotFoundError, version
 
-DISTRIBUTIONS = {"pybullet": ("pybullet", "pybullet-arm64"), "open3d": ("open3d-cpu", "open3d")}
-"""Distributions of libraries that several bring: wheels of PyBullet's fork, of Open3D without CUDA."""
+DISTRIBUTIONS = {
+    "pybullet": ("pybullet", "pybullet-arm64"),
+    "open3d": ("open3d-cpu", "open3d"),
+    "pygame": ("pygame-ce", "pygame"),
+}
+"""Distributions of libraries that several bring: forks of PyBullet and pygame, Open3D without CUDA."""
 
 
 def installed_distributions(library: str) -> dict[str, str]:
