@@ -9,7 +9,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import torch
+
+try:
+    import torch
+except ImportError as error:
+    raise SystemExit(f"{error}: pip install 'carlaloc-env[learn]'") from error
 
 from learning.pupil import Pupil
 from learning.town01_route import make_env, ride

@@ -8,9 +8,13 @@ Needs the extras `learn` and `minari`.
 import sys
 from pathlib import Path
 
-import minari
 import numpy as np
-import torch
+
+try:
+    import minari
+    import torch
+except ImportError as error:
+    raise SystemExit(f"{error}: pip install 'carlaloc-env[learn,minari]'") from error
 
 from learning.pupil import Pupil
 from learning.town01_route import SKIP, Ride, make_env

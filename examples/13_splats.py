@@ -10,8 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from splatting.fit import colours, fit, lists_of
-from splatting.views import seeds_of, views_of
+try:
+    from splatting.fit import colours, fit, lists_of
+    from splatting.views import seeds_of, views_of
+except ImportError as error:
+    raise SystemExit(f"{error}: pip install 'carlaloc-env[splats]'") from error
 
 
 def main(

@@ -6,9 +6,12 @@ Every machine keeps towns, models and machine code in its own cache, `CARLALOC_C
 
 import os
 
-import ray
-from ray.rllib.algorithms.ppo import PPOConfig
-from ray.tune.registry import register_env
+try:
+    import ray
+    from ray.rllib.algorithms.ppo import PPOConfig
+    from ray.tune.registry import register_env
+except ImportError as error:
+    raise SystemExit(f"{error}: pip install 'carlaloc-env[ray]'") from error
 
 from carlaloc_env import CarlaLocEnv
 

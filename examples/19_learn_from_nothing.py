@@ -10,9 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import torch
-from stable_baselines3.common.callbacks import ConvertCallback, EveryNTimesteps
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+try:
+    import torch
+    from stable_baselines3.common.callbacks import ConvertCallback, EveryNTimesteps
+    from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+except ImportError as error:
+    raise SystemExit(f"{error}: pip install 'carlaloc-env[learn]'") from error
 
 from learning.agent import act, load, new_agent, save
 from learning.drive_env import MILD, drive_env, logged

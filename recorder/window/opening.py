@@ -16,6 +16,8 @@ T = TypeVar("T")
 
 CLOSED_EARLY = "the window was closed before the drive began; nothing has been recorded"
 
+_FIRST_S = 120.0
+"""Usual time of a town's first opening on two cores [s]."""
 _REFRESH_S = 0.1
 """Time between two views of the text [s]."""
 
@@ -65,15 +67,21 @@ class Opening(AbstractContextManager["Opening"]):
         return future.result()
 
     def text(self, what: str) -> str:
-        """Text of the work, with the time left where it is known."""
-        if self._last_s is None:
-            return f"{what}, the first time takes up to a minute"
-        return f"{what}, {max(self._last_s - self._passed_s(), 1.0):.0f} s left"
+        """Text of the work, with the time left where it is known, else with the time so far."""
+        passed_s = self._passed_s()
+        if self._last_s is not None and passed_s < self._last_s:
+            return f"{what}, {max(self._last_s - passed_s, 1.0):.0f} s left"
+        why = "the first time takes minutes" if self._last_s is None else "longer than the last time"
+        return f"{what}, {why}; {passed_s:.0f} s so far"
+
+    def share(self) -> float:
+        """Length of the bar, 0–1, which never stands: nine tenths when the usual time has passed."""
+        usual = self._passed_s() / (self._last_s or _FIRST_S)
+        return 0.9 * usual if usual < 1.0 else 1.0 - 0.1 / usual
 
     def show(self, what: str) -> None:
         """Show the name of the work, and a bar."""
-        passed_s = self._passed_s()
-        self.window.show_progress(self.text(what), passed_s / max(self._last_s or 60.0, passed_s + 1.0))
+        self.window.show_progress(self.text(what), self.share())
 
     def finish(self) -> None:
         """Store the loading time, as the drive begins."""

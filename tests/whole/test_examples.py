@@ -5,6 +5,8 @@ import importlib.util
 import json
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -367,3 +369,23 @@ def test_env_runners_of_rllib_drive_in_processes_of_their_own() -> None:
     assert len(drove) == 2
     assert os.getpid() not in drove
     assert len(returns) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "extra"),
+    [
+        ("11_learn_from_the_driver", "learn"),
+        ("12_clone_from_minari", "learn,minari"),
+        ("13_splats", "splats"),
+        ("14_rllib", "ray"),
+        ("19_learn_from_nothing", "learn"),
+        ("20_drive_unseen_towns", "learn"),
+    ],
+)
+def test_an_example_without_its_library_names_the_extra(name: str, extra: str) -> None:
+    lacking = "import sys, runpy; sys.modules.update(dict.fromkeys(('torch', 'minari', 'jax', 'ray')))"
+    code = f"{lacking}; sys.path.insert(0, '.'); runpy.run_path('{name}.py', run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], cwd=EXAMPLES, capture_output=True, text=True)
+    (line,) = done.stderr.splitlines()
+    assert line.endswith(f"pip install 'carlaloc-env[{extra}]'")
+    assert done.returncode == 1

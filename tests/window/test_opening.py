@@ -101,3 +101,19 @@ def test_closing_it_ends_the_command(opening: Opening, event: str, monkeypatch: 
     with opening, pytest.raises(DeviceError, match="closed before the drive began"):
         opening.run("building Town03", work)
     assert done == [True]
+
+
+@pytest.mark.parametrize("usual_s", [None, 12.0])
+def test_the_bar_never_stands_and_the_text_never_promises_time_that_is_up(
+    usual_s: float | None, opening: Opening
+) -> None:
+    shares = []
+    with opening:
+        opening._last_s = usual_s
+        for passed_s in (0.0, 1.0, 11.0, 12.0, 13.0, 60.0, 119.0, 120.0, 121.0, 150.0, 600.0):
+            opening._began_s = time.monotonic() - passed_s
+            shares.append(opening.share())
+            text = opening.text("building")
+            assert ("so far" in text) == (usual_s is None or passed_s >= usual_s)
+    assert np.all(np.diff(shares) > 1e-4)
+    assert 0.0 <= shares[0] < shares[-1] < 1.0
