@@ -1,14 +1,17 @@
 """Walkers tread on the ground, and their feet do not slide."""
 
 import numpy as np
+import open3d as o3d
 import pytest
 from shared_fixtures.worlds.meshes import model
 from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.assets.catalog import GAIT_PHASES, WALKERS
-from carlaloc_env.assets.walkers.gait import posture, standing
+from carlaloc_env.assets.walkers.figure import skin_of
+from carlaloc_env.assets.walkers.gait import THIGH, posture, standing
 from carlaloc_env.assets.walkers.skeleton import shoe_sole
+from carlaloc_env.assets.walkers.walker_models import BUILDS
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
 
@@ -68,3 +71,26 @@ def test_drawn_feet_do_not_slide(library: ModelLibrary, name: str) -> None:
         phase = int(library.names[m].split("/")[1]) / GAIT_PHASES
         ankle.append(T[0, 3] + posture(phase, person.stature_m, person.stride_m)["ankle_l"][0])
     assert np.ptp(ankle) < 0.005
+
+
+@pytest.mark.parametrize("name", ["walker_woman_coat", "walker_elderly_woman"])
+def test_no_leg_shows_through_a_coat(name: str) -> None:
+    """Seen from all sides and in every phase of the gait, above half of the thigh."""
+    build, stoop_deg = BUILDS[name]
+    person, skin = WALKERS[name], skin_of(build, Tag.PEDESTRIAN, low=False)
+    side_m = np.linspace(-0.3, 0.3, 61)
+    for phase in np.arange(0.0, 1.0, 1 / 24):
+        joints = posture(phase, person.stature_m, person.stride_m, stoop_deg=stoop_deg)
+        mesh = skin.posed(joints)
+        scene = o3d.t.geometry.RaycastingScene()
+        scene.add_triangles(mesh.vertices_m.astype(np.float32), mesh.triangles.astype(np.uint32))
+        height_m = joints["pelvis"][2] - np.linspace(0.0, 0.5, 25) * THIGH * person.stature_m
+        side, height = np.meshgrid(side_m, height_m)
+        for angle in np.arange(0.0, 2 * np.pi, np.pi / 6):
+            ahead = np.array([np.cos(angle), np.sin(angle), 0.0])
+            begin = np.stack([-side * ahead[1], side * ahead[0], height], axis=2) - 3.0 * ahead
+            rays = np.concatenate([begin, np.broadcast_to(ahead, begin.shape)], axis=2)
+            hit = scene.cast_rays(rays.astype(np.float32))["primitive_ids"].numpy()
+            first = mesh.triangles[hit[hit != scene.INVALID_ID]][:, 0]
+            assert len(first) > 100
+            assert not np.any(np.all(mesh.colour[first] == build.lower, axis=1))

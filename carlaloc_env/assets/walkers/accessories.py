@@ -29,7 +29,8 @@ def add_skirt(builder: SkinBuilder) -> None:
     t = np.clip((top[2] - at[:, 2]) / (top[2] - bottom[2]), 0.0, 1.0)
     thigh = np.where(at[:, 1] > 0, BONES.index("thigh_l"), BONES.index("thigh_r"))
     bones = np.stack([thigh, np.full(len(at), BONES.index("pelvis"))], axis=1)
-    weight = 0.9 * elementary.power(t, 0.7) * np.clip(np.abs(at[:, 1]) / (0.05 * s), 0.5, 1.0)
+    # Below the hips as fast as the thighs themselves, else these show through it in a long step.
+    weight = elementary.power(t, 0.25) * np.clip(np.abs(at[:, 1]) / (0.05 * s), 0.5, 1.0)
     builder.parts.append((mesh, bones, weight))
 
 

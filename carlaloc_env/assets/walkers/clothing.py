@@ -114,7 +114,7 @@ class SkinBuilder:
             (hips - up(0.05 * s), 0.112 * s, 0.165 * s * b.hips, seat),
             (hips + up(0.04 * s), 0.118 * s, 0.168 * s * b.hips, seat),
         ]
-        self.loft(self.look(b.lower), lower, sides=12)
+        self.loft(self.look(b.upper if b.coat else b.lower), lower, sides=12)
         hem = 0.03 if not b.coat else 0.09
         levels = [
             (hips - up(hem * s), 0.126 * s * math.sqrt(b.belly), 0.182 * s * b.hips, seat),
@@ -175,6 +175,11 @@ class SkinBuilder:
         ]
         if self.low:
             upper, lower = upper[::2], lower[::2]
+        if b.coat:
+            # Covered by it, and of its colour, so that a fold of it is all that may show.
+            middle = len(upper) // 2
+            self.loft(self.look(b.upper), upper[middle:], sides=8)
+            upper = upper[: middle + 1]
         self._limb(cloth, skin if bare else cloth, upper, lower)
         self._shoe(side)
 
