@@ -193,6 +193,11 @@ class DatasetFolder:
         return path_below(self.path / EPISODES, f"{town}.mcap")
 
 
+def whole_path(path: Path) -> Path:
+    """Absolute path; links stay, since a drive or a sequence may be one to another disk."""
+    return Path(os.path.normpath(path.absolute()))
+
+
 def files_below(folder: Path) -> list[Path]:
     """All files below a folder, by their paths; folders that are links are followed, each once."""
     files: list[Path] = []

@@ -17,7 +17,7 @@ from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.dataset.bag_messages import stamps_in
 from recorder.dataset.folder_readings import FolderReadings
-from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.layout import SequenceFolder, whole_path
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.dataset.reading_checks import check_gaps, imu_faults
 from recorder.dataset.readings import ImuSample, Readings, StereoPair
@@ -44,7 +44,10 @@ class SlamSequence:
     def __init__(self, folder: str | Path, *, cloud: str = RAW, readings: Readings | None = None) -> None:
         # A relative path of two parts or fewer does not name the dataset's folder.
         folder = Path(folder)
-        self.files, self.cloud = SequenceFolder(folder if len(folder.parts) > 2 else folder.resolve()), cloud
+        self.files, self.cloud = (
+            SequenceFolder(folder if len(folder.parts) > 2 else whole_path(folder)),
+            cloud,
+        )
         dataset = self.files.drive.dataset
         if self.files.description.is_file() and not dataset.description.is_file():
             raise EvaluationError(
@@ -53,7 +56,7 @@ class SlamSequence:
             )
         self.description = SequenceDescription.read(self.files, EvaluationError)
         manifest = DatasetManifest.read(dataset.path, EvaluationError)
-        town = folder.resolve().parent.name
+        town = whole_path(folder).parent.name
         self.rig, profile = manifest.rig(town), manifest.profile(town)
         self._imu: deque[ImuSample] | None = None
         self._readings: Readings = readings or FolderReadings(

@@ -19,6 +19,7 @@ import numpy as np
 
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.files.text_files import last_line
+from recorder.dataset.layout import whole_path
 from recorder.slam.keeper import GRACE_S, descendants, kept
 from recorder.slam.worker import ESTIMATE, FACTS, FRAMES
 
@@ -89,7 +90,7 @@ def run_isolated(
         (out / name).unlink(missing_ok=True)
     job = {
         "method": method,
-        "sequence": str(sequence.resolve()),
+        "sequence": str(whole_path(sequence)),
         "cloud": cloud,
         "out": str(out.resolve()),
         "feed": None if feed is None else feed.fileno(),

@@ -29,6 +29,7 @@ from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
+from recorder.dataset.layout import whole_path
 from recorder.dataset.sequence import SlamSequence
 from recorder.episode.episode import Episode
 from recorder.evaluation.path_errors import PathErrors
@@ -310,7 +311,7 @@ def page_of_sequence(
         OutputError: the file may not be written.
         EvaluationError: the truth cannot be read, or a bag or image is damaged.
     """
-    name = sequence.folder.resolve().parent.name
+    name = whole_path(sequence.folder).parent.name
     truth = read_tum(sequence.truth_file("base_link"))
     step = max(round(len(truth) / (1e-9 * float(np.ptp(truth.stamp_ns)) + 1e-9) / EGO_HZ), 1)
     title = f"{name}, {sequence.name.replace('_', ' ')}"

@@ -11,6 +11,7 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.sensors.camera_config import CameraConfig
+from recorder.dataset.layout import whole_path
 from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.path_errors import PathErrors
@@ -60,7 +61,7 @@ def record_sequence(
         EvaluationError: the truth cannot be read, or a bag or image is damaged.
         MissingDependencyError: rerun is not installed.
     """
-    town = sequence.folder.resolve().parent.name
+    town = whole_path(sequence.folder).parent.name
     with new_recording(path, f"{town} {sequence.name}", overwrite=overwrite) as recording:
         log_lanes(recording, lane_lines_of(town))
         truth = read_tum(sequence.truth_file("base_link"))

@@ -222,3 +222,13 @@ def test_a_camera_is_judged_over_the_time_of_its_images() -> None:
     images = SimpleNamespace(image_stamps=lambda: np.arange(2_000_000_000, 5_000_000_001, 100_000_000))
     seen = scoring._seen(truth, images)  # type: ignore[arg-type]
     assert (seen.stamp_ns[0], seen.stamp_ns[-1]) == (1_900_000_000, 5_100_000_000)
+
+
+def test_a_drive_behind_a_link_of_another_name_is_run(tmp_path: Path) -> None:
+    """Its process finds the dataset by the path that was given, not by where the data lie."""
+    root = write_dataset(tmp_path / "set", sweeps=12)
+    (root / "Box").rename(tmp_path / "run7")
+    (root / "Box").symlink_to(tmp_path / "run7")
+    config = BenchmarkConfig(data=root, out=tmp_path / "out", methods=("small_gicp",), clouds=("raw",))
+    (score,) = run_benchmark(config).scores
+    assert (score.town, score.coverage, score.failed) == ("Box", 1.0, None)
