@@ -198,6 +198,8 @@ class SequenceDescription:
     """Fraction of labelled points and pixels that lie on vehicles and walkers of the traffic, by stream."""
     faults: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Faults of the sensors by sensor and name; the file of a sequence without faults has no such key."""
+    readout_ms: Mapping[str, float] = field(default_factory=dict)
+    """Time from the first row's exposure to the last row's by rolling-shutter camera [ms]; no key without."""
 
     @classmethod
     def read(cls, sequence: SequenceFolder, error: type[CarlaLocError] = ConfigError) -> SequenceDescription:
@@ -220,6 +222,7 @@ class SequenceDescription:
                 samples={str(k): int(v) for k, v in values["samples"].items()},
                 movers={str(k): float(v) for k, v in values["movers"].items()},
                 faults=dict(values.get("faults") or {}),
+                readout_ms={str(k): float(v) for k, v in (values.get("readout_ms") or {}).items()},
             )
         except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as fault:
             raise error(f"cannot read {file}: {_reason(fault)}; replay it anew") from fault
@@ -227,7 +230,7 @@ class SequenceDescription:
     def to_yaml(self) -> str:
         """Text of the file."""
         values = asdict(self)
-        return as_yaml(values if self.faults else {k: v for k, v in values.items() if k != "faults"})
+        return as_yaml({k: v for k, v in values.items() if v or k not in ("faults", "readout_ms")})
 
 
 def _reason(fault: Exception) -> str:

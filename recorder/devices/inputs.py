@@ -12,6 +12,8 @@ _SCAN_A, _PLACES = 4, "abcdefghijklmnopqrstuvwxyz1234567890"
 """SDL's code of the place of A, and the keys of a US keyboard from there on."""
 _STIRRED, _MOVED = 0.02, 0.2
 """Changes of a raw value: after which it is believed, and by which a person moves it."""
+_MIDDLE = 0.1
+"""Greatest raw value of an axis that stands in its middle, such as a stick or a motion sensor at rest."""
 
 
 @dataclass(slots=True, eq=False)
@@ -19,7 +21,9 @@ class Stick:
     """One joystick: a wheel, a set of pedals or a pad.
 
     SDL reports 0 for an axis that has not moved yet, which on a pedal is half pressed. An axis
-    therefore counts as unknown until its value has changed or an event has named it.
+    therefore counts as unknown until its value has changed or an event has named it. Drivers that take an
+    axis for a trigger report an end of it at first; an axis that leaps from there to the middle never was at
+    that end.
     """
 
     instance: int
@@ -47,6 +51,8 @@ class Stick:
         if self.trusted[number]:
             first = before if was_trusted else value
             low, high = self.seen.get(number, (first, first))
+            if high - low < _STIRRED and abs(before) > 1.0 - _STIRRED and abs(value) < _MIDDLE:
+                low = high = value
             self.seen[number] = min(low, value), max(high, value)
 
     def was_moved(self, number: int) -> bool:

@@ -13,6 +13,7 @@ from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.checksums import write_checksums
@@ -204,7 +205,7 @@ class SequenceWriters:
     """
 
     def __init__(self, drive: DriveFolder, condition: Condition, recipe: Recipe, streams: Streams) -> None:
-        self._condition, self._rig = condition, recipe.rig.name
+        self._condition, self._rig = condition, recipe.rig
         self._folder = drive.sequence(condition.name)
         self._part = self._folder.part
         about = {
@@ -251,18 +252,23 @@ class SequenceWriters:
 
 
 def describe(
-    condition: Condition, *, rig: str, samples: Mapping[str, int], movers: Mapping[str, float]
+    condition: Condition, *, rig: SensorRig, samples: Mapping[str, int], movers: Mapping[str, float]
 ) -> SequenceDescription:
     """Description of a sequence for ``sequence.yaml``."""
     return SequenceDescription(
         name=condition.name,
         weather={"name": condition.weather_name, **condition.weather.to_mapping()},
         traffic=asdict(condition.traffic),
-        rig=rig,
+        rig=rig.name,
         epoch_ns=DEFAULT_EPOCH_NS,
         samples=samples,
         movers=movers,
         faults=condition.faults.to_mapping(),
+        readout_ms={
+            camera.name: camera.shutter.readout_ms
+            for camera in rig.sensors
+            if isinstance(camera, CameraConfig) and camera.shutter is not None and camera.shutter.readout_ms
+        },
     )
 
 

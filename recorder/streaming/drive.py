@@ -194,7 +194,7 @@ def describe_drive(
 
 def _describe(plan: ReplayPlan, condition: Condition, file: Path, movers: Mapping[str, float]) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    description = describe(condition, rig=plan.rig.name, samples={}, movers=movers)
+    description = describe(condition, rig=plan.rig, samples={}, movers=movers)
     with atomic_write(file, WriterError) as part:
         part.write_text(description.to_yaml(), encoding="utf-8")
 

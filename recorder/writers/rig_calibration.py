@@ -44,6 +44,13 @@ class CameraCalibration:
     """Images per second [Hz]."""
     frame_id: str = ""
     """Name of the optical frame; empty: ``camera_`` + name."""
+    readout_ms: float = 0.0
+    """Time from the first row's exposure to the last row's [ms]; 0 = global shutter."""
+
+    @property
+    def line_delay_s(self) -> float:
+        """Time between the exposures of two neighbouring rows [s]."""
+        return 1e-3 * self.readout_ms / max(self.pinhole.height_px - 1, 1)
 
     @property
     def frame(self) -> str:
@@ -196,6 +203,7 @@ def _camera(config: Any, T_base_camera: Array) -> CameraCalibration:
         lens=config.lens,
         rate_hz=config.rate_hz,
         frame_id=config.frame_id,
+        readout_ms=config.shutter.readout_ms if config.shutter is not None else 0.0,
     )
 
 

@@ -68,6 +68,42 @@ def test_pedal_that_has_not_moved_is_not_half_pressed(
         assert run(device, view(straight_route), 0.5)[-1][1] == pytest.approx(1.0, abs=1e-3)
 
 
+def test_axis_that_drivers_take_for_a_trigger_does_not_press_in_its_middle(
+    inputs: Inputs, straight_route: Route, plug: Plug
+) -> None:
+    """A Joy-Con's motion axes rattle about 0, where SDL has announced triggers at −1."""
+    with plug(GAMEPAD, axes=6, name="Nintendo Switch Joy-Con (L)", usb=(0x057E, 0x2006)) as stick:
+        inputs.pump()
+        (connected,) = inputs
+        assert connected.raw[5] == pytest.approx(-1.0, abs=1e-3)
+        device = HumanDevice("gamepad", inputs, known_profiles(Path("none")))
+        stick.axis(0, 0.3)
+        for value in (0.05, -0.06, 0.06, -0.02):
+            stick.axis(2, value)
+            stick.axis(5, value)
+            assert run(device, view(straight_route), 0.3)[-1][1:] == (0.0, 0.0)
+        assert device.message is not None
+        assert "let go of the throttle" in device.message
+        # A trigger that comes to rest acts from then on.
+        stick.axis(5, -1.0)
+        assert run(device, view(straight_route), 0.3)[-1][1] == 0.0
+        stick.axis(5, 0.0)
+        assert run(device, view(straight_route), 0.5)[-1][1] == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize("presses", [(1.0,), (-0.6, 0.0, 1.0)])
+def test_first_pull_of_a_trigger_acts(
+    inputs: Inputs, straight_route: Route, plug: Plug, presses: tuple[float, ...]
+) -> None:
+    with plug(GAMEPAD, axes=6) as stick:
+        inputs.pump()
+        device = HumanDevice("gamepad", inputs, known_profiles(Path("none")))
+        for value in presses:
+            stick.axis(5, value)
+            device.poll()
+        assert run(device, view(straight_route), 0.5)[-1][1] == pytest.approx(1.0, abs=1e-3)
+
+
 def test_wheel_turns_the_road_wheels_by_its_ratio(inputs: Inputs, straight_route: Route, plug: Plug) -> None:
     with plug() as stick:
         inputs.pump()

@@ -1,11 +1,18 @@
 """Rigs and formats of a replay."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import yaml
+
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.sensors.camera_config import CameraConfig
-from recorder.dataset.layout import FORMATS
+from carlaloc_env.sensors.camera_config import CameraConfig, ShutterConfig
+from carlaloc_env.weather.presets import weather_by_name
+from recorder.dataset.layout import FORMATS, SequenceFolder
+from recorder.dataset.manifest import SequenceDescription
+from recorder.episode.traffic_level import traffic_level
 from recorder.replaying import sequence_writers
+from recorder.replaying.conditions import Condition
 from recorder.replaying.recipe import Recipe
 from recorder.replaying.replay import ReplayConfig, rig_of
 
@@ -22,6 +29,23 @@ def test_a_rig_file_asks_for_drops_and_wind(tmp_path: Path) -> None:
     (camera,) = cameras(ReplayConfig(episode=Path("a.mcap"), out=Path("out"), rig=str(file)))
     assert camera.lens_drops
     assert camera.leaf_wind_mps == 5.0
+
+
+def test_a_sequence_states_the_read_out_of_rolling_shutters(tmp_path: Path) -> None:
+    rig = rig_by_name("real")
+    left, right = rig.of_kind("camera")[:2]
+    rolling = replace(left, shutter=ShutterConfig(readout_ms=12.5))
+    condition = Condition(
+        weather_name="ClearNoon", weather=weather_by_name("ClearNoon"), traffic=traffic_level("static")
+    )
+    for sensors, stated in (((left, right), None), ((rolling, right), {left.name: 12.5})):
+        described = sequence_writers.describe(
+            condition, rig=replace(rig, sensors=sensors), samples={}, movers={}
+        )
+        folder = SequenceFolder(tmp_path)
+        folder.description.write_text(described.to_yaml())
+        assert yaml.safe_load(folder.description.read_text()).get("readout_ms") == stated
+        assert SequenceDescription.read(folder).readout_ms == (stated or {})
 
 
 def test_every_named_format_has_its_writer() -> None:

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Lens
+from carlaloc_env.rigs.industrial_camera import industrial_shutter
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import Imu
 from carlaloc_env.sensors.imu import IMU_GRADES, ImuConfig
@@ -69,6 +70,27 @@ def test_open_vins_reads_its_three_files_by_opencv(folder: Path) -> None:
     assert imu.getNode("gyroscope_noise_density").real() == 2e-4
     assert imu.getNode("rostopic").string() == "/imu/data"
     assert np.array_equal(opencv_rows(imu.getNode("Tg")), np.zeros((3, 3)))
+
+
+def test_rows_of_a_rolling_shutter_have_the_instants_at_which_they_are_exposed(tmp_path: Path) -> None:
+    """As Kalibr times them, stamp + shift + row · line delay; one instant where a system knows none."""
+    rolling = replace(industrial_shutter(), readout_ms=20.0)
+    rig = rig_by_name("real")
+    sensors = [replace(s, shutter=rolling) if s.kind == "camera" else s for s in rig.sensors]
+    write_calibration(tmp_path, RigCalibration.from_configs(sensors))
+    chain = yaml.safe_load((tmp_path / "kalibr/camchain-imucam.yaml").read_text())
+    other = opened(tmp_path / "open_vins/kalibr_imucam_chain.yaml")
+    for name in ("cam0", "cam1"):
+        height = chain[name]["resolution"][1]
+        rows_ns = 1e9 * (chain[name]["timeshift_cam_imu"] + np.arange(height) * chain[name]["line_delay"])
+        assert np.allclose(rows_ns, rolling.rows_ns(0, 0.004, height).mean(axis=1), atol=1e-3)
+        assert other.getNode(name).getNode("timeshift_cam_imu").real() == 0.0
+        assert other.getNode(name).getNode("line_delay").real() == pytest.approx(0.020 / (height - 1))
+    text = (tmp_path / "orbslam3_stereo.yaml").read_text()
+    assert text.count("a rolling shutter of 20.0 ms") == 2
+    assert not opened(tmp_path / "orbslam3_stereo.yaml").getNode("Camera1.fx").empty()
+    for path, content in calibration_texts(RigCalibration.from_configs(rig.sensors), STANDARD).items():
+        assert "line_delay" not in content, path
 
 
 def test_s_msckf_reads_matrices_of_sixteen_numbers(folder: Path) -> None:
