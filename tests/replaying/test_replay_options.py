@@ -53,7 +53,7 @@ def test_every_named_format_has_its_writer() -> None:
     for name in FORMATS:
         recipe = Recipe(
             episode=Path(), town=Path(), conditions=(), rig=rig_by_name("dsec"), camera_ns=(0, 0), seed=0,
-            quality="low", formats=(name,), topics="standard", preview=False,
+            quality="low", formats=(name,), topics="standard", truth_tf=False, clock=False, preview=False,
         )  # fmt: skip
         outputs = sequence_writers.outputs_of(recipe, ("rgb_left", "events_left"))
         assert outputs, name
