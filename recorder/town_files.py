@@ -1,5 +1,6 @@
 """Files of towns: the folder of a town made of an extract of OpenStreetMap, and a town's surfaces."""
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from recorder.replaying.cost import SIZE_ERROR, TIME_FACTOR
 from recorder.replaying.machine_speed import slowness
 from recorder.report.town_preview import draw_town
 
+STEPS = (4, 5)
+"""Steps of an import, and those that the preview adds."""
 TOWN_BYTES, PREVIEW_BYTES, KM_BYTES = 1.5e5, 2.75e6, 1.65e5
 """Size of a town's files, of its preview, and of a kilometre of its streets [bytes]."""
 TOWN_S, TOWN_KM_S, PREVIEW_S, PREVIEW_KM_S = 2.8, 0.45, 14.0, 3.5
@@ -32,6 +35,7 @@ def import_town(
     heights: Path | None = None,
     preview: bool = True,
     announce: Callable[[str], object] = lambda _: None,
+    progress: Callable[[int, int, str], object] = lambda *_: None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Make a town of an extract of OpenStreetMap, and return the report on it.
@@ -44,6 +48,7 @@ def import_town(
         heights: Raster of the land's heights; None: a flat town.
         preview: Build the town and draw `preview.png`.
         announce: Called with size and time when the streets are known.
+        progress: Called with the steps done, those in all, and the one that has ended.
         overwrite: Replace an older town there.
 
     Raises:
@@ -62,12 +67,21 @@ def import_town(
             f"{slowness() * cpu_s:.0f} s of CPU time (a factor of {TIME_FACTOR})"
         )
 
+    total = STEPS[0] + STEPS[1] * preview
+    count = itertools.count(1)
+
+    def end(step: str) -> None:
+        progress(min(next(count), total), total, step)
+
     town = extracts.import_town(
-        source, box=box, name=name, heights=heights, fit_turns=fit_turns, announce=announce_streets
-    )
+        source, box=box, name=name, heights=heights, fit_turns=fit_turns, announce=announce_streets,
+        progress=end,
+    )  # fmt: skip
     extracts.write_town(town, out)
+    end(f"{extracts.FILES[0]} written")
     if preview:
-        draw_town(load_town(out / "town.xodr"), out / "preview.png", overwrite=True)
+        draw_town(load_town(out / "town.xodr", progress=end), out / "preview.png", overwrite=True)
+        end("preview drawn")
     return town.report
 
 

@@ -6,8 +6,10 @@ import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from carlaloc_env.openstreetmap.extract import Extract
+if TYPE_CHECKING:
+    from carlaloc_env.openstreetmap.extract import Extract
 
 _NEAR_M = 45.0
 _MPH = 1.609344

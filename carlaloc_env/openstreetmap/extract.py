@@ -1,12 +1,8 @@
-"""Extracts of OpenStreetMap: .osm, packed or not, and .osm.pbf, read and cut to a box."""
+"""Extracts of OpenStreetMap: files read, cut to a box, and placed in the world."""
 
 from __future__ import annotations
 
-import bz2
-import gzip
-import re
-import zlib
-from collections.abc import Iterator, Mapping
+import itertools
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,53 +12,21 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.openstreetmap.elements import LANELET2, Relation, Tags, Way, read_elements
+from carlaloc_env.openstreetmap.tags import for_cars
 
 Box = tuple[float, float, float, float]
 """West, south, east, north [deg]."""
-Tags = Mapping[str, str]
-"""Keys and values of one element."""
 NODE_LIMIT = 3_000_000
 """Extracts with more nodes inside the box are refused."""
+MOST_STREETS_M = 100e3
+"""Extracts with more metres of streets for cars are refused."""
 WIDEST_DEG = 0.5
-"""Widest side of a box that is read [deg]."""
-_BEGINNINGS = {b"\x1f\x8b": "osm.gz", b"BZh": "osm.bz2", b"OSMHeader": "osm.pbf"}
-"""Bytes among a file's first ones, and its format as osmium calls it; others are bare XML."""
-_OTHERS = {
-    b"pk\x03\x04": "a ZIP archive; unpack it by unzip",
-    b"7z\xbc\xaf": "a 7z archive; unpack it by 7z x",
-    b"\xfd7zxz": "packed by xz; unpack it by unxz",
-    b"\x28\xb5\x2f\xfd": "packed by Zstandard; unpack it by zstd -d",
-    b"\xff\xe0\x04o5m": "an .o5m file; convert it by osmconvert to .osm.pbf",
-    b"{": "JSON; ask Overpass for [out:xml], or give an .osm file",
-    b"<!doctype html": "a web page; download the extract again",
-    b"<html": "a web page; download the extract again",
-    b"<osmchange": "a list of changes; apply it to an extract by osmium apply-changes",
-    b"<opendrive": "an OpenDRIVE map; give it to --map as it is",
-}
-"""Beginnings of files that are no extracts, in lower case and without an XML declaration."""
-_LANELET2 = "a Lanelet2 map, no extract of OpenStreetMap; give an extract, or its OpenDRIVE to --map"
-_DELETED = re.compile(
-    rb"<(way|relation|node)\s(?=[^>]*\baction=[\"']delete[\"'])[^>]*?\bid=[\"'](-?\d+)[\"']"
-)
-_BLOCK_BYTES = 1 << 24
-
-
-@dataclass(frozen=True, slots=True)
-class Way:
-    """A line or ring of nodes."""
-
-    id: int
-    nodes: tuple[int, ...]
-    tags: Tags
-
-
-@dataclass(frozen=True, slots=True)
-class Relation:
-    """Members with their kind (`n`, `w`, `r`), id and role."""
-
-    id: int
-    members: tuple[tuple[str, int, str], ...]
-    tags: Tags
+"""Extracts whose streets lie so far apart are refused [deg]."""
+PROPOSED_M, DEGREE_M = 2000.0, 111_200.0
+"""Side of a box that a message proposes, and length of a degree of latitude [m]."""
+COAST_DEG = 0.03
+"""Coasts so near to the box are kept [deg]."""
 
 
 @dataclass(slots=True)
@@ -105,7 +69,7 @@ def read_extract(path: Path, box: Box | None = None) -> Extract:
             raise MapError(f"the box {west:g},{south:g},{east:g},{north:g} is none; give W,S,E,N in degrees")
     extract = Extract(str(path))
     kept: dict[int, tuple[float, float]] = {}
-    for kind, item in _elements(path):
+    for kind, item in read_elements(path):
         if kind == "node":
             number, lon, lat, tags = item
             kept[number] = (lon, lat)
@@ -121,99 +85,48 @@ def read_extract(path: Path, box: Box | None = None) -> Extract:
             extract.relations.append(item)
     lanelets = any(relation.tags.get("type") == "lanelet" for relation in extract.relations)
     if lanelets and not any("highway" in way.tags for way in extract.ways.values()):
-        raise MapError(f"{path} is {_LANELET2}")
-    _cut(extract, kept, box)
+        raise MapError(f"{path} is {LANELET2}")
+    if len(kept) > 10 * NODE_LIMIT:
+        part = _text(box or _densest(list(kept.values())))
+        raise MapError(
+            f"{path} has more than {10 * NODE_LIMIT:,} nodes; "
+            f"cut it first: osmium extract -b {part} {path} -o part.osm.pbf"
+        )
+    everywhere = list(extract.ways.values())
+    inside = _cut(extract, kept, box)
     if not extract.degrees:
         raise MapError(_elsewhere(path, kept, box))
-    span = float(np.ptp(_street_places(extract), axis=0).max())
-    if len(extract.degrees) > NODE_LIMIT or span > WIDEST_DEG:
+    streets = [extract.degrees[node] for way in extract.ways.values() if for_cars(way) for node in way.nodes]
+    if box is not None and not streets:
+        streets = [kept[node] for way in everywhere if for_cars(way) for node in way.nodes if node in kept]
+        hint = f" such as --bbox {_text(_densest(streets))}" if streets else ""
+        raise MapError(f"{path} has no street for cars in the box; give one with streets{hint}")
+    length_m, span = _streets_m(extract), float(np.ptp(_street_places(extract), axis=0).max())
+    if inside > NODE_LIMIT or length_m > MOST_STREETS_M or (streets and span > WIDEST_DEG):
         raise MapError(
-            f"{path} has {len(extract.degrees):,} nodes over {span:.2f}°; cut it by --bbox W,S,E,N to 2 km"
+            f"{path} has {length_m / 1e3:.0f} km of streets and {inside:,} nodes over {span:.2f}° here; "
+            f"{MOST_STREETS_M / 1e3:.0f} km go at once: give a part, such as "
+            f"--bbox {_text(_densest(streets or list(extract.degrees.values())))}"
         )
     place(extract)
     return extract
 
 
-def _elements(path: Path) -> Iterator[tuple[str, Any]]:
-    """Nodes as (id, lon, lat, tags), ways and relations that were not deleted; names of those that were."""
-    # Here, since few commands need it.
-    import osmium
-    from osmium import osm
-
-    try:
-        with path.open("rb") as file:
-            begin = file.read(1024)
-    except OSError as error:
-        raise MapError(f"cannot read {path}: {error.strerror}; give an .osm or .osm.pbf file") from error
-    head = re.sub(rb"^(\xef\xbb\xbf)?\s*(<\?[^>]*>\s*|<!--.*?-->\s*)*", b"", begin, flags=re.DOTALL)
-    for first, other in _OTHERS.items():
-        if head.lower().startswith(first):
-            raise MapError(f"{path} is {other}")
-    kind = next((kind for sign, kind in _BEGINNINGS.items() if sign in begin[:16]), "osm")
-    try:
-        deleted = set() if kind == "osm.pbf" else _deleted(path, kind)
-        for item in osmium.FileProcessor(osmium.io.File(str(path), kind)):
-            if isinstance(item, osm.Area | osm.Changeset) or not item.visible:
-                continue
-            tags = dict(item.tags) if item.tags else {}
-            sort = item.type_str()
-            if (sort, item.id) in deleted:
-                if sort != "n" and tags:
-                    yield "deleted", f"{'way' if sort == 'w' else 'relation'}/{item.id}"
-            elif isinstance(item, osm.Way):
-                yield "way", Way(item.id, tuple(node.ref for node in item.nodes), tags)
-            elif isinstance(item, osm.Relation):
-                members = tuple((member.type, member.ref, member.role) for member in item.members)
-                yield "relation", Relation(item.id, members, tags)
-            elif item.location.valid():
-                yield "node", (item.id, item.location.lon, item.location.lat, tags)
-    except (ValueError, osmium.InvalidLocationError) as error:
-        raise MapError(
-            f"{path} is {_LANELET2}"
-            if b"local_x" in begin
-            else f"{path} has no number where one belongs: {error}; download the extract again"
-        ) from error
-    except (RuntimeError, OSError, EOFError, zlib.error) as error:
-        raise MapError(
-            f"cannot read {path}: no whole .{kind} file ({error}); download the extract again"
-        ) from error
-
-
-def _deleted(path: Path, kind: str) -> set[tuple[str, int]]:
-    """Kinds (`n`, `w`, `r`) and ids of elements marked as deleted by an editor; osmium passes no marks on.
-
-    Raises:
-        MapError: the server that made the file gave up before its end.
-    """
-    openers: dict[str, Any] = {"osm.gz": gzip.open, "osm.bz2": bz2.open, "osm": open}
-    names: set[tuple[str, int]] = set()
-    rest = b""
-    with openers[kind](path, "rb") as file:
-        while block := file.read(_BLOCK_BYTES):
-            text = rest + block
-            names |= {(sort[:1].decode(), int(number)) for sort, number in _DELETED.findall(text)}
-            rest = text[max(text.rfind(b"<"), 0) :]
-            remark = re.search(rb"<remark>([^<]*error[^<]*)", text)
-            if remark:
-                why = remark[1].decode(errors="replace").strip()
-                raise MapError(f"{path} is not whole: {why}; ask for a smaller box")
-    return names
-
-
-def _cut(extract: Extract, kept: dict[int, tuple[float, float]], box: Box | None) -> None:
-    """Keep what lies in the box: streets end where they cross it, all else stays whole."""
+def _cut(extract: Extract, kept: dict[int, tuple[float, float]], box: Box | None) -> int:
+    """Keep what lies in the box, and count its nodes: streets end at its border, all else stays whole."""
     # Editors number new elements by -1, -2, …
     fresh = min([0, *kept, *extract.ways]) - 1
+    outlines = _outlines(extract, kept, box)
     for way in list(extract.ways.values()):
-        nodes_inside = [node for node in way.nodes if node in kept]
-        if len(nodes_inside) < 2:
+        known_nodes = [node for node in way.nodes if node in kept]
+        if len(known_nodes) < 2:
             extract.broken.append(way.id)
             del extract.ways[way.id]
             continue
-        if "highway" not in way.tags:
-            if _meets([kept[node] for node in nodes_inside], box):
-                extract.ways[way.id] = Way(way.id, tuple(nodes_inside), way.tags)
-                extract.degrees |= {node: kept[node] for node in nodes_inside}
+        if "highway" not in way.tags or way.tags.get("area") == "yes":
+            if way.id in outlines or _meets([kept[node] for node in known_nodes], box):
+                extract.ways[way.id] = Way(way.id, tuple(known_nodes), way.tags)
+                extract.degrees |= {node: kept[node] for node in known_nodes}
             else:
                 del extract.ways[way.id]
             continue
@@ -231,30 +144,68 @@ def _cut(extract: Extract, kept: dict[int, tuple[float, float]], box: Box | None
             key = way.id if k == 0 else fresh
             fresh -= k > 0
             extract.ways[key] = Way(way.id, whole, way.tags)
-    extract.degrees |= {node: place for node, place in kept.items() if _inside(place, box)}
+    inside = {node: place for node, place in kept.items() if _meets([place], box)}
+    extract.degrees |= inside
     extract.node_tags = {node: tags for node, tags in extract.node_tags.items() if node in extract.degrees}
+    return len(inside)
+
+
+def _outlines(extract: Extract, kept: dict[int, tuple[float, float]], box: Box | None) -> set[int]:
+    """Ways round areas that meet the box, of which single ways may lie outside, and coasts near it."""
+    if box is None:
+        return set()
+    near = (box[0] - COAST_DEG, box[1] - COAST_DEG, box[2] + COAST_DEG, box[3] + COAST_DEG)
+    groups = [
+        ([ref for kind, ref, _ in relation.members if kind == "w"], box)
+        for relation in extract.relations
+        if relation.tags.get("type") == "multipolygon"
+    ]
+    groups += [([w.id], near) for w in extract.ways.values() if w.tags.get("natural") == "coastline"]
+    outlines: set[int] = set()
+    for ways, where in groups:
+        nodes = (node for way in ways if way in extract.ways for node in extract.ways[way].nodes)
+        places = [kept[node] for node in nodes if node in kept]
+        if places and _meets(places, where):
+            outlines.update(ways)
+    return outlines
 
 
 def _runs(nodes: tuple[int, ...], kept: dict[int, tuple[float, float]], box: Box | None) -> list[list[Any]]:
     """Stretches inside the box: node ids, and places where the street crosses the box."""
     runs: list[list[Any]] = [[]]
-    before: int | None = None
-    for node in nodes:
-        if node not in kept:
+    for a, b in itertools.pairwise(nodes):
+        shares = _shares(kept[a], kept[b], box) if a in kept and b in kept else None
+        if shares is None:
             runs.append([])
-            before = None
             continue
-        inside = _inside(kept[node], box)
-        if inside and not runs[-1] and before is not None:
-            runs[-1].append(_crossing(kept[node], kept[before], box))
-        if inside:
-            runs[-1].append(node)
-        elif runs[-1]:
-            assert before is not None
-            runs[-1].append(_crossing(kept[before], kept[node], box))
-            runs.append([])
-        before = node
-    return [run for run in runs if len(run) > 1]
+        if shares[0] > 0.0 or not runs[-1]:
+            runs.append([_between(kept[a], kept[b], shares[0]) if shares[0] > 0.0 else a])
+        runs[-1].append(_between(kept[a], kept[b], shares[1]) if shares[1] < 1.0 else b)
+    return [run for run in runs if run]
+
+
+def _shares(
+    start: tuple[float, float], end: tuple[float, float], box: Box | None
+) -> tuple[float, float] | None:
+    """Shares of a line at which it enters and leaves the box (Liang and Barsky); None where it misses it."""
+    enter, leave = 0.0, 1.0
+    for k, limit, sign in ((0, 0, 1.0), (1, 1, 1.0), (0, 2, -1.0), (1, 3, -1.0)) if box else ():
+        assert box is not None
+        room, gain = sign * (start[k] - box[limit]), sign * (end[k] - start[k])
+        if gain > 0.0:
+            enter = max(enter, -room / gain)
+        elif gain < 0.0:
+            leave = min(leave, room / -gain)
+        elif room < 0.0:
+            return None
+    return (enter, leave) if enter < leave else None
+
+
+def _between(start: tuple[float, float], end: tuple[float, float], share: float) -> tuple[float, float]:
+    return (
+        round(start[0] + share * (end[0] - start[0]), 8),
+        round(start[1] + share * (end[1] - start[1]), 8),
+    )
 
 
 def _meets(places: list[tuple[float, float]], box: Box | None) -> bool:
@@ -265,36 +216,42 @@ def _meets(places: list[tuple[float, float]], box: Box | None) -> bool:
     return min(xs) <= box[2] and max(xs) >= box[0] and min(ys) <= box[3] and max(ys) >= box[1]
 
 
-def _inside(place: tuple[float, float], box: Box | None) -> bool:
-    return box is None or (box[0] <= place[0] <= box[2] and box[1] <= place[1] <= box[3])
-
-
-def _crossing(inner: tuple[float, float], outer: tuple[float, float], box: Box | None) -> tuple[float, float]:
-    """Where the line from a place inside to one outside crosses the box."""
-    assert box is not None
-    share = 1.0
-    for k in (0, 1):
-        for limit in (box[k], box[k + 2]):
-            if (outer[k] - limit) * (inner[k] - limit) < 0.0:
-                share = min(share, (limit - inner[k]) / (outer[k] - inner[k]))
-    return (
-        round(inner[0] + share * (outer[0] - inner[0]), 8),
-        round(inner[1] + share * (outer[1] - inner[1]), 8),
-    )
-
-
 def _street_places(extract: Extract) -> Array:
     """Longitudes and latitudes (N, 2) of the streets' nodes, or of all where there are none."""
     nodes = {node for way in extract.ways.values() if "highway" in way.tags for node in way.nodes}
     return np.array([extract.degrees[node] for node in sorted(nodes) or sorted(extract.degrees)])
 
 
+def _streets_m(extract: Extract) -> float:
+    """About the length of all streets for cars [m]."""
+    total = 0.0
+    for way in extract.ways.values():
+        if for_cars(way):
+            step = np.diff([extract.degrees[node] for node in way.nodes], axis=0) * DEGREE_M
+            step[:, 0] *= np.cos(np.radians(extract.degrees[way.nodes[0]][1]))
+            total += float(np.hypot(*step.T).sum())
+    return total
+
+
+def _densest(points: list[tuple[float, float]]) -> Box:
+    """The box of `PROPOSED_M` that holds most points [deg], about."""
+    places = np.array(points)
+    half = PROPOSED_M / DEGREE_M / 2.0 / np.array([np.cos(np.radians(np.median(places[:, 1]))), 1.0])
+    cells, counts = np.unique(np.floor(places / half).astype(np.int64), axis=0, return_counts=True)
+    held = {(int(x), int(y)): int(count) for (x, y), count in zip(cells, counts, strict=True)}
+    low = max(held, key=lambda c: sum(held.get((c[0] + dx, c[1] + dy), 0) for dx in (0, 1) for dy in (0, 1)))
+    return (low[0] * half[0], low[1] * half[1], (low[0] + 2) * half[0], (low[1] + 2) * half[1])
+
+
+def _text(box: Box) -> str:
+    return ",".join(f"{value:.4f}" for value in box)
+
+
 def _elsewhere(path: Path, kept: dict[int, tuple[float, float]], box: Box | None) -> str:
     if not kept:
         return f"{path} holds no nodes; give an extract of OpenStreetMap"
     low, high = np.array(list(kept.values())).min(axis=0), np.array(list(kept.values())).max(axis=0)
-    limits = ",".join(f"{value:.4f}" for value in (*low, *high))
-    return f"{path} has nothing in the box; it covers --bbox {limits}"
+    return f"{path} has nothing in the box; it covers --bbox {_text((*low, *high))}"
 
 
 def place(extract: Extract, height_m: float = 0.0) -> None:

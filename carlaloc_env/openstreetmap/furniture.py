@@ -16,7 +16,7 @@ from carlaloc_env.authoring.elements.junction_furniture import (
 )
 from carlaloc_env.authoring.elements.map_parts import leg_of
 from carlaloc_env.openstreetmap.clusters import End
-from carlaloc_env.openstreetmap.extract import Tags
+from carlaloc_env.openstreetmap.elements import Tags
 from carlaloc_env.openstreetmap.road_graph import Chain
 from carlaloc_env.openstreetmap.road_network import Junction, RoadNetwork
 from carlaloc_env.openstreetmap.tags import signed_nodes

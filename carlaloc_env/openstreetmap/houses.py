@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from carlaloc_env.openstreetmap.extract import Tags
+from carlaloc_env.openstreetmap.elements import Tags
 from carlaloc_env.openstreetmap.features import Feature
 from carlaloc_env.openstreetmap.tags import number
 

@@ -21,7 +21,8 @@ from carlaloc_env.core.errors import MapError
 from carlaloc_env.map.routing.plan_route import FitTurns
 from carlaloc_env.openstreetmap.clusters import End, half_width
 from carlaloc_env.openstreetmap.countries import Country, country_of, drives_left
-from carlaloc_env.openstreetmap.extract import Box, Extract, Way, place, read_extract
+from carlaloc_env.openstreetmap.elements import Way
+from carlaloc_env.openstreetmap.extract import Box, Extract, place, read_extract
 from carlaloc_env.openstreetmap.features import Feature, Features, geojson
 from carlaloc_env.openstreetmap.furniture import furnish
 from carlaloc_env.openstreetmap.heights import find_heights
@@ -32,6 +33,7 @@ from carlaloc_env.openstreetmap.road_graph import Chain, RoadGraph, build_graph
 from carlaloc_env.openstreetmap.road_network import RoadNetwork
 from carlaloc_env.openstreetmap.settings import settings_text
 from carlaloc_env.openstreetmap.settling import settle
+from carlaloc_env.openstreetmap.shores import FAR_M
 from carlaloc_env.openstreetmap.tags import LANE_M, Street, read_street
 from carlaloc_env.openstreetmap.turning_places import FIRST_ID
 
@@ -70,6 +72,7 @@ def import_town(
     heights: Path | None = None,
     fit_turns: FitTurns | None = None,
     announce: Callable[[float], object] = lambda _: None,
+    progress: Callable[[str], object] = lambda _: None,
 ) -> ImportedTown:
     """Make a town of an extract.
 
@@ -80,6 +83,7 @@ def import_town(
         heights: Raster of the land's heights; None: a flat town.
         fit_turns: Fits tight turns of the default route to a car; None: it keeps to the lanes' middle.
         announce: Called with the length of the streets [m] before they are built.
+        progress: Called with the name of each step that has ended.
 
     Raises:
         MapError: A file cannot be read, holds no streets on which one could drive, or heights of elsewhere.
@@ -106,6 +110,7 @@ def import_town(
         solid = [shapely.transform(shape, lambda xy: xy * (1.0, -1.0)) for shape in solid]
     graph = build_graph(extract, _Streets(extract, country, solid, left=left))
     announce(graph.asked_m)
+    progress(f"{source.name} read")
     rails = [
         (shapely.get_coordinates(f.shape) * ((1.0, -1.0) if left else 1.0), int(f.properties["layer"]))
         for f in features.of("rail")
@@ -123,6 +128,7 @@ def import_town(
         shapely.STRtree(solid),
         yellow=country.code in ("US", "CA"),
     )
+    progress("streets built")
     furnish(network, chains, extract.node_tags, country.town_kmh)
     if left:
         mirror(network.roads, network.parts)
@@ -137,9 +143,11 @@ def import_town(
         title, projection, network.roads, network.parts, network.controllers, rule="LHT" if left else "RHT"
     )
     kept = _beside(features, network, land)
+    toml = settings_text(title, extract, Features(kept, {}), network, xodr, fit_turns)
+    progress("route chosen")
     return ImportedTown(
         xodr=xodr,
-        toml=settings_text(title, extract, Features(kept, {}), network, xodr, fit_turns),
+        toml=toml,
         features=geojson(kept, extract),
         report=_report(source, extract, graph, chains, dropped, features, network, country, side, land),
     )
@@ -235,6 +243,7 @@ def _beside(features: Features, network: RoadNetwork, land: Land | None) -> list
     reach = shapely.buffer(
         shapely.MultiPoint([(p.x, p.y) for p in points]).envelope, 120.0, join_style="mitre"
     )
+    far = shapely.buffer(reach, FAR_M, join_style="mitre")
     shapely.prepare(reach)
     kept = [] if land is None else [land.feature(reach)]
     for feature in features.all:
@@ -242,7 +251,8 @@ def _beside(features: Features, network: RoadNetwork, land: Land | None) -> list
             if shapely.contains(reach, shapely.centroid(feature.shape)):
                 kept.append(feature)
         elif shapely.intersects(reach, feature.shape):
-            for part in shapely.get_parts(shapely.intersection(feature.shape, reach)):
+            cut = far if feature.kind == "water" else reach
+            for part in shapely.get_parts(shapely.intersection(feature.shape, cut)):
                 if part.geom_type == feature.shape.geom_type:
                     kept.append(Feature(feature.kind, feature.id, part, feature.properties))
     return kept

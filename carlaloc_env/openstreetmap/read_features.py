@@ -7,9 +7,11 @@ from typing import Any
 
 import shapely
 
-from carlaloc_env.openstreetmap.extract import Extract, Tags
+from carlaloc_env.openstreetmap.elements import Tags
+from carlaloc_env.openstreetmap.extract import Extract
 from carlaloc_env.openstreetmap.features import Feature, Features
 from carlaloc_env.openstreetmap.houses import building_properties, guess_heights, lower_outlines
+from carlaloc_env.openstreetmap.shores import open_water, sea
 from carlaloc_env.openstreetmap.tags import layer, number
 
 LEAST_M2 = 4.0
@@ -87,9 +89,15 @@ def _shapes(extract: Extract) -> Iterator[tuple[str, Any, Tags]]:
                 if len(tags) <= 1:
                     tags |= way.tags
                 used.add(ref)
-        outer = _filled(rings[False])
-        if not outer.is_empty and len(tags) > 1:
-            yield f"relation/{relation.id}", shapely.difference(outer, _filled(rings[True])), tags
+        if len(tags) <= 1:
+            continue
+        name, outer = f"relation/{relation.id}", _filled(rings[False])
+        if _matches(tags, AREAS["water"]) and not _closed(rings[False]):
+            yield name, open_water(extract, rings[False] + rings[True]), tags
+        elif not outer.is_empty:
+            yield name, shapely.difference(outer, _filled(rings[True])), tags
+    for number_, part in enumerate(shapely.get_parts(sea(extract)), 1):
+        yield f"sea/{number_}", part, {"natural": "water"}
     for key, way in extract.ways.items():
         if len(way.tags) == 0:
             continue
@@ -106,6 +114,12 @@ def _filled(lines: Sequence[Any]) -> Any:
     """Area that lines surround."""
     whole = shapely.union_all(lines)
     return shapely.union_all(shapely.get_parts(shapely.polygonize([whole]))) if lines else shapely.Polygon()
+
+
+def _closed(lines: Sequence[Any]) -> bool:
+    """Whether lines end nowhere."""
+    merged = shapely.get_parts(shapely.line_merge(shapely.union_all(lines)))
+    return len(lines) > 0 and bool(shapely.is_ring(merged).all())
 
 
 def _matches(tags: Tags, rules: Mapping[str, tuple[str, ...]]) -> bool:

@@ -12,7 +12,8 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.openstreetmap.extract import Extract, Way
+from carlaloc_env.openstreetmap.elements import Way
+from carlaloc_env.openstreetmap.extract import Extract
 from carlaloc_env.openstreetmap.tags import Street, direction, for_cars, signed_nodes
 from carlaloc_env.openstreetmap.turning_places import (
     FIRST_ID,

@@ -26,10 +26,14 @@ ZONES = {
 """Kinds of zones of areas, those that hold over others last."""
 LEAST_M2 = {"water": 150.0, "park": 400.0}
 """Smallest area that becomes a zone; of other kinds ten times as much [m²]."""
+ISLAND_M2 = 20.0
+"""Smallest island that stays in a water [m²]."""
 DENSE = 0.28
 """Share of the ground under houses from which a quarter without land use is a downtown."""
 VEHICLES_PER_KM, WALKERS_PER_KM = 7.0, 4.0
 """Road users for each kilometre of street."""
+BESIDE_M, OPEN_WORTH = 30.0, 0.2
+"""A default route passes houses so near [m]; and what a street without any is worth to it."""
 LEAST_ROWS = 30
 """Lanes of so many samples of a route, or fewer, are none of its points."""
 MOST_VEHICLES, MOST_WALKERS = 160, 60
@@ -64,7 +68,7 @@ def settings_text(
         "[traffic]",
         f"vehicles = {min(MOST_VEHICLES, round(VEHICLES_PER_KM * km))}",
         f"walkers = {min(MOST_WALKERS, round(WALKERS_PER_KM * walked))}",
-        *_route(xodr, fit_turns),
+        *_route(xodr, features, fit_turns),
     ]
     dry = _ground_of(network)
     for kind, zone in ZONES.items():
@@ -72,19 +76,25 @@ def settings_text(
             shape = feature.shape
             if zone == "water":
                 shape = shapely.difference(shape, dry)
-            for part in shapely.get_parts(shapely.simplify(shape, 1.0)):
+            parts = shapely.get_parts(shapely.simplify(shape, 1.0))
+            for part in itertools.chain.from_iterable(map(_whole, parts)) if zone == "water" else parts:
                 if part.geom_type == "Polygon" and part.area >= LEAST_M2.get(zone, 3000.0):
                     lines += ["", "[[zone]]", f'kind = "{zone}"', f"polygon = {_corners(part)}"]
     return "\n".join(lines) + "\n"
 
 
-def _route(xodr: str, fit_turns: FitTurns | None) -> list[str]:
-    """Lines of the default route: about a kilometre of the town's own streets, where these lead round."""
+def _route(xodr: str, features: Features, fit_turns: FitTurns | None) -> list[str]:
+    """Lines of the default route: about a kilometre of the town's streets that lead round, past houses."""
     town = read_opendrive(xodr.encode())
     lanes = build_network(town)
     ours = {road.id for road in town.roads if PLACE_NAME in road.name or ": back from" in road.name}
     avoided = np.array([lane.road_id in ours for lane in lanes.lanes])
-    route = choose_loop(lanes, avoided=avoided, fit_turns=fit_turns)
+    tables = lanes.tables
+    houses = shapely.STRtree([house.shape for house in features.of("building")])
+    near, _ = houses.query(shapely.points(tables.position_m[:, :2]), predicate="dwithin", distance=BESIDE_M)
+    beside = np.isin(np.arange(len(tables.position_m)), near).astype(float)
+    worth = OPEN_WORTH + (1.0 - OPEN_WORTH) * np.add.reduceat(beside, tables.first) / tables.count
+    route = choose_loop(lanes, avoided=avoided, fit_turns=fit_turns, worth=worth)
     if route is None:
         return []
     starts = np.flatnonzero(np.diff(route.lane, prepend=-1))
@@ -96,6 +106,20 @@ def _route(xodr: str, fit_turns: FitTurns | None) -> list[str]:
 
 def _walked(road: RoadPart) -> bool:
     return any(lane.kind == "sidewalk" for _, lane in road.sections[0].lanes())
+
+
+def _whole(polygon: shapely.Polygon) -> list[shapely.Polygon]:
+    """Parts without islands, cut through them from south to north."""
+    islands = [ring for ring in shapely.get_rings(polygon)[1:] if shapely.Polygon(ring).area >= ISLAND_M2]
+    if polygon.geom_type != "Polygon" or not islands:
+        return [polygon]
+    west, south, east, north = polygon.bounds
+    x = round(float(islands[0].centroid.x), 2)
+    halves = [
+        shapely.intersection(shapely.Polygon(polygon.exterior, islands), shapely.box(*sides))
+        for sides in ((west - 1.0, south - 1.0, x, north + 1.0), (x, south - 1.0, east + 1.0, north + 1.0))
+    ]
+    return [whole for half in halves for part in shapely.get_parts(half) for whole in _whole(part)]
 
 
 def _corners(polygon: shapely.Polygon) -> str:

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from carlaloc_env.openstreetmap.countries import Country
-from carlaloc_env.openstreetmap.extract import Tags, Way
+from carlaloc_env.openstreetmap.elements import Tags, Way
 
 CLASSES: dict[str, tuple[int, float]] = {
     "motorway": (7, 3.75), "trunk": (6, 3.5), "primary": (5, 3.5), "secondary": (4, 3.25),

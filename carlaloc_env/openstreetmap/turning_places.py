@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from carlaloc_env.openstreetmap.extract import Extract, Tags, Way
+from carlaloc_env.openstreetmap.elements import Tags, Way
+from carlaloc_env.openstreetmap.extract import Extract
 from carlaloc_env.openstreetmap.tags import direction
 
 LOOP_M = 45.0

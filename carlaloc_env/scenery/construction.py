@@ -1,6 +1,6 @@
 """Builds the scenery of a town from its map: ground, roads, buildings and plants."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import shapely
@@ -30,6 +30,7 @@ def build_scenery(
     seed: int,
     route_m: Array | None = None,
     mapped: Sequence[MappedFeature] | None = None,
+    progress: Callable[[str], object] = lambda _: None,
 ) -> TownScenery:
     """Scenery of a map; the same map, configuration, seed and features give the same bytes.
 
@@ -39,15 +40,20 @@ def build_scenery(
         seed: Number from which all that is not given is drawn.
         route_m: Points of the ego's route (N, 2) [m].
         mapped: Things beside the roads; None: houses and plants are invented.
+        progress: Called with the name of each step that has ended.
     """
     work, out = lay_groundwork(network, config, land_points(mapped or ())), Surfaces()
+    progress("ground laid")
     tunnel_lamps = add_surfaces(out, network, work, seed)
+    progress("surfaces built")
     plots = place_plots(work, config, seed, mapped)
     boxes = np.concatenate([lot_boxes(plots.lots, plots.bases_m), plots.mapped_boxes()])
     out.solid.quads(boxes, material=Material.PLAIN, tag=Tag.BUILDING)
     ids = InstanceIds()
     buildings = plots.buildings(seed, ids)
+    progress("houses built")
     dressing = dress(out, network, work, plots, config, route_m, seed, ids)
+    progress("streets furnished")
     firm = out.raised.build()
     vertices, triangles, tags = weld([out.solid.build(), firm])
     near = [out.lanes.build(), firm, dressing.cover, out.paint.build(), *buildings]

@@ -29,18 +29,24 @@ KEPT_FILES = 10
 """Cached files kept of each town: its hash, outline, scenery, roads and traffic tables, of two versions."""
 
 
-def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Town:
+def load_town(
+    name_or_path: str | Path,
+    *,
+    cache_dir: Path | None = None,
+    progress: Callable[[str], object] = lambda _: None,
+) -> Town:
     """A town by name or OpenDRIVE file, from the cache when it was built before.
 
     Args:
         name_or_path: Name of a folder in `maps`, or an .xodr file, beside which a `town.toml` may lie.
         cache_dir: Where finished towns are kept; `$CARLALOC_CACHE` or `~/.cache/carlaloc` when left out.
+        progress: Called with the name of each step that has ended, while the town is built.
 
     Raises:
         MapError: The town is unknown or its map cannot be used.
         ConfigError: Its `town.toml` is not valid.
     """
-    return _TownCache(identify_town(name_or_path), cache_dir).town()
+    return _TownCache(identify_town(name_or_path), cache_dir, progress).town()
 
 
 def kept_town_hash(town: TownId, *, cache_dir: Path | None = None) -> str | None:
@@ -69,8 +75,10 @@ class _TownCache:
     Modules that build are imported where they are needed: a town from the cache needs none of them.
     """
 
-    def __init__(self, source: TownId, folder: Path | None) -> None:
-        self._source = source
+    def __init__(
+        self, source: TownId, folder: Path | None, progress: Callable[[str], object] = lambda _: None
+    ) -> None:
+        self._source, self._progress = source, progress
         self._keep = partial(
             cached,
             source.name,
@@ -186,4 +194,4 @@ class _TownCache:
         route_m = None if roads.route is None else roads.route.position_m[:, :2]
         features = self._source.features
         mapped = None if features is None else read_mapped(features, roads.geo)
-        return build_scenery(roads.network, self.config, self.seed, route_m, mapped)
+        return build_scenery(roads.network, self.config, self.seed, route_m, mapped, self._progress)

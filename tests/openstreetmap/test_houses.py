@@ -28,13 +28,14 @@ from carlaloc_env.scenery.buildings.footprint_roofs import (
 from carlaloc_env.scenery.buildings.footprints import Houses
 from carlaloc_env.scenery.buildings.shell import Appearance, Shell
 from carlaloc_env.scenery.buildings.styles import STYLES
+from carlaloc_env.scenery.ground.terrain import Zones
 from carlaloc_env.scenery.mapped import MappedFeature, read_mapped
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.scenery.meshing.props import InstanceIds
 from carlaloc_env.town.build import load_town
 
 FLAT = type("Flat", (), {"height": staticmethod(lambda xy: np.zeros(len(xy))), "sloping": False})()
-DOWNTOWN = type("Zones", (), {"kind_at": staticmethod(lambda xy: "downtown")})()
+DOWNTOWN = Zones([("downtown", shapely.box(-500, -500, 500, 500))])
 NOTHING = shapely.Polygon()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from carlaloc_env.openstreetmap.countries import country_of
-from carlaloc_env.openstreetmap.extract import Way
+from carlaloc_env.openstreetmap.elements import Way
 from carlaloc_env.openstreetmap.tags import Street, direction, for_cars, number, read_street
 
 AUSTRIA, BRITAIN = country_of(16.37, 48.2), country_of(-1.26, 51.75)

@@ -79,16 +79,18 @@ def choose_loop(
     avoided: NDArray[np.bool_] | None = None,
     *,
     fit_turns: FitTurns | None = None,
+    worth: Array | None = None,
 ) -> Route | None:
     """A closed route of about this length [m], by lanes that `choose_route` would drive; None without one.
 
     Among the rounds of its walks, the one over the most lanes that it does not drive twice is taken;
-    `avoided` ones (N,) do not count.
+    `avoided` ones (N,) do not count, and others by their `worth` (N,), 1 each when left out.
     """
     onward, _ = _lanes_to_drive(network, avoided)
     worth_m = network.tables.length_m * (1.0 if avoided is None else ~avoided)
+    worth_m = worth_m if worth is None else worth_m * worth
     rounds: list[tuple[float, list[int]]] = []
-    for start in _starts(network, onward, np.zeros(len(onward))):
+    for start in _starts(network, onward, np.zeros(len(onward)) if worth is None else worth_m):
         lanes = _walk(network, onward, np.zeros(len(onward)), start, _WALKED * length_m)
         rounds += _rounds(network, lanes, length_m, worth_m)
     for _, lanes in sorted(rounds, key=lambda scored: -scored[0]):

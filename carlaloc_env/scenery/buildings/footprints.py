@@ -312,7 +312,7 @@ def _style(feature: MappedFeature, outline: Area, zones: Zones, draw: np.random.
         options = [(name, 1.0) for name in names]
     else:
         place = np.asarray(outline.representative_point().coords[0])
-        options = list(ZONE_STYLES[zones.kind_at(place)]) or list(ZONE_STYLES["small_town"])
+        options = list(ZONE_STYLES[zones.kind_at(place, zones.default)]) or list(ZONE_STYLES["small_town"])
     fits = [
         (name, weight) for name, weight in options
         if STYLES[name].storeys[0] - 1 <= levels <= STYLES[name].storeys[1] + 2

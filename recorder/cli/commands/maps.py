@@ -26,6 +26,7 @@ from recorder.cli.arguments import (
     shared_options,
 )
 from recorder.cli.output import announced
+from recorder.cli.progress import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,10 +131,12 @@ def _import(arguments: argparse.Namespace) -> dict[str, Any]:
 
     if arguments.bbox is not None and len(arguments.bbox) != 4:
         raise UsageError(f"--bbox has {len(arguments.bbox)} numbers; give W,S,E,N in degrees")
-    report = import_town(
-        arguments.file, arguments.out, box=arguments.bbox, name=arguments.name, heights=arguments.heights,
-        preview=not arguments.no_preview, announce=announced, overwrite=arguments.force,
-    )  # fmt: skip
+    with Progress("import", unit="steps") as progress:
+        report = import_town(
+            arguments.file, arguments.out, box=arguments.bbox, name=arguments.name, heights=arguments.heights,
+            preview=not arguments.no_preview, announce=announced, progress=progress.pieces,
+            overwrite=arguments.force,
+        )  # fmt: skip
     return {"out": str(arguments.out), "report": report}
 
 
