@@ -32,8 +32,10 @@ DENSE = 0.28
 """Share of the ground under houses from which a quarter without land use is a downtown."""
 VEHICLES_PER_KM, WALKERS_PER_KM = 7.0, 4.0
 """Road users for each kilometre of street."""
-BESIDE_M, OPEN_WORTH = 30.0, 0.2
+BESIDE_M, OPEN_WORTH = 45.0, 0.2
 """A default route passes houses so near [m]; and what a street without any is worth to it."""
+LEAST_WORTH = 0.5
+"""Loops of a lower mean worth compete with those that turn back in turning places."""
 LEAST_ROWS = 30
 """Lanes of so many samples of a route, or fewer, are none of its points."""
 MOST_VEHICLES, MOST_WALKERS = 160, 60
@@ -84,7 +86,7 @@ def settings_text(
 
 
 def _route(xodr: str, features: Features, fit_turns: FitTurns | None) -> list[str]:
-    """Lines of the default route: about a kilometre of the town's streets that lead round, past houses."""
+    """Lines of the default route: about a kilometre of the town's own streets, past houses where it can."""
     town = read_opendrive(xodr.encode())
     lanes = build_network(town)
     ours = {road.id for road in town.roads if PLACE_NAME in road.name or ": back from" in road.name}
@@ -94,7 +96,10 @@ def _route(xodr: str, features: Features, fit_turns: FitTurns | None) -> list[st
     near, _ = houses.query(shapely.points(tables.position_m[:, :2]), predicate="dwithin", distance=BESIDE_M)
     beside = np.isin(np.arange(len(tables.position_m)), near).astype(float)
     worth = OPEN_WORTH + (1.0 - OPEN_WORTH) * np.add.reduceat(beside, tables.first) / tables.count
-    route = choose_loop(lanes, avoided=avoided, fit_turns=fit_turns, worth=worth)
+    routes = [choose_loop(lanes, avoided=avoided, fit_turns=fit_turns, worth=worth)]
+    if routes[0] is None or worth[routes[0].lane].mean() < LEAST_WORTH:
+        routes.append(choose_loop(lanes, fit_turns=fit_turns, worth=worth * ~avoided))
+    route = max(filter(None, routes), key=lambda loop: float(worth[loop.lane].mean()), default=None)
     if route is None:
         return []
     starts = np.flatnonzero(np.diff(route.lane, prepend=-1))

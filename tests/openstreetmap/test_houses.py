@@ -290,3 +290,10 @@ def test_a_village_is_built_with_its_houses(tmp_path: Path) -> None:
     file = tmp_path / "village" / "features.geojson"
     file.write_text(file.read_text().replace('"levels": 2', '"levels": 3'))
     assert load_town(tmp_path / "village" / "town.xodr", cache_dir=tmp_path / "cache").town_hash
+
+
+def test_a_house_outside_every_zone_has_a_style() -> None:
+    """Beside the ground on which the streets lie."""
+    far = shapely.transform(ANGLED, lambda xy: xy + 900.0)
+    (made,) = houses(house(far)).all
+    assert made.top_m > 2.0

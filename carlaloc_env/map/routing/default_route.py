@@ -4,6 +4,8 @@ from collections import defaultdict
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
@@ -84,7 +86,8 @@ def choose_loop(
     """A closed route of about this length [m], by lanes that `choose_route` would drive; None without one.
 
     Among the rounds of its walks, the one over the most lanes that it does not drive twice is taken;
-    `avoided` ones (N,) do not count, and others by their `worth` (N,), 1 each when left out.
+    `avoided` ones (N,) do not count. Others count by their `worth` (N,), 1 each when left out; where it is
+    given, the shortest ways round from the worthiest lanes compete, too.
     """
     onward, _ = _lanes_to_drive(network, avoided)
     worth_m = network.tables.length_m * (1.0 if avoided is None else ~avoided)
@@ -93,6 +96,8 @@ def choose_loop(
     for start in _starts(network, onward, np.zeros(len(onward)) if worth is None else worth_m):
         lanes = _walk(network, onward, np.zeros(len(onward)), start, _WALKED * length_m)
         rounds += _rounds(network, lanes, length_m, worth_m)
+        if worth is not None:
+            rounds += _rounds(network, _shortest_round(network, onward, start), length_m, worth_m)
     for _, lanes in sorted(rounds, key=lambda scored: -scored[0]):
         route = _planned(network, lanes, length_m, fit_turns, whole=False, loop=True)
         if route is not None:
@@ -116,6 +121,23 @@ def _rounds(
         if network.lanes[lane].junction_id is None and network.lanes[lane].length_m > _POINT_ROOM_M:
             before[lane].append(end)
     return rounds
+
+
+def _shortest_round(network: LaneNetwork, allowed: NDArray[np.bool_], start: int) -> list[int]:
+    """The shortest way from a lane back to it, with this lane at both ends; without one, nothing."""
+    pairs = [(lane.index, after) for lane in network.lanes if allowed[lane.index]
+             for after in lane.successors if allowed[after]]  # fmt: skip
+    sources, targets = np.reshape(pairs, (-1, 2)).T
+    shape = (len(network.lanes), len(network.lanes))
+    graph = csr_matrix((network.tables.length_m[targets], (sources, targets)), shape=shape)
+    far_m, before = dijkstra(graph, indices=start, return_predecessors=True)
+    lanes = [
+        start,
+        min(network.lanes[start].predecessors, key=lambda lane: float(far_m[lane]), default=start),
+    ]
+    while np.isfinite(far_m[lanes[-1]]) and lanes[-1] != start:
+        lanes.append(int(before[lanes[-1]]))
+    return lanes[::-1] if lanes[-1] == start and len(lanes) > 2 else []
 
 
 def _lanes_to_drive(
