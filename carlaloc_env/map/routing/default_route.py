@@ -4,7 +4,7 @@ from collections import defaultdict
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from carlaloc_env.core.array_types import Array
@@ -129,8 +129,8 @@ def _shortest_round(network: LaneNetwork, allowed: NDArray[np.bool_], start: int
              for after in lane.successors if allowed[after]]  # fmt: skip
     sources, targets = np.reshape(pairs, (-1, 2)).T
     shape = (len(network.lanes), len(network.lanes))
-    graph = csr_matrix((network.tables.length_m[targets], (sources, targets)), shape=shape)
-    far_m, before = dijkstra(graph, indices=start, return_predecessors=True)
+    graph = csr_array((network.tables.length_m[targets], (sources, targets)), shape=shape)
+    (far_m,), (before,) = dijkstra(graph, indices=[start], return_predecessors=True)
     lanes = [
         start,
         min(network.lanes[start].predecessors, key=lambda lane: float(far_m[lane]), default=start),
