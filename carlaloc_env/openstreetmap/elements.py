@@ -67,9 +67,9 @@ def read_elements(path: Path) -> Iterator[tuple[str, Any]]:
     except OSError as error:
         raise MapError(f"cannot read {path}: {error.strerror}; give an .osm or .osm.pbf file") from error
     head = re.sub(rb"^(\xef\xbb\xbf)?\s*(<\?[^>]*>\s*|<!--.*?-->\s*)*", b"", begin, flags=re.DOTALL)
-    for first, other in _OTHERS.items():
-        if head.lower().startswith(first):
-            raise MapError(f"{path} is {other}")
+    other = next((other for first, other in _OTHERS.items() if head.lower().startswith(first)), None)
+    if other or b"local_x" in begin:
+        raise MapError(f"{path} is {other or LANELET2}")
     kind = next((kind for sign, kind in _BEGINNINGS.items() if sign in begin[:16]), "osm")
     try:
         deleted = set() if kind == "osm.pbf" else _deleted(path, kind)
@@ -90,9 +90,7 @@ def read_elements(path: Path) -> Iterator[tuple[str, Any]]:
                 yield "node", (item.id, item.location.lon, item.location.lat, tags)
     except (ValueError, osmium.InvalidLocationError) as error:
         raise MapError(
-            f"{path} is {LANELET2}"
-            if b"local_x" in begin
-            else f"{path} has no number where one belongs: {error}; download the extract again"
+            f"{path} has no number where one belongs: {error}; download the extract again"
         ) from error
     except (RuntimeError, OSError, EOFError, zlib.error) as error:
         raise MapError(
@@ -107,15 +105,13 @@ def _deleted(path: Path, kind: str) -> set[tuple[str, int]]:
         MapError: the server that made the file gave up before its end.
     """
     openers: dict[str, Any] = {"osm.gz": gzip.open, "osm.bz2": bz2.open, "osm": open}
-    names: set[tuple[str, int]] = set()
-    rest = b""
+    names, rest = set[tuple[str, int]](), b""
     with openers[kind](path, "rb") as file:
         while block := file.read(_BLOCK_BYTES):
             text = rest + block
             names |= {(sort[:1].decode(), int(number)) for sort, number in _DELETED.findall(text)}
             rest = text[max(text.rfind(b"<"), 0) :]
-            remark = re.search(rb"<remark>([^<]*error[^<]*)", text)
-            if remark:
+            if remark := re.search(rb"<remark>([^<]*error[^<]*)", text):
                 why = remark[1].decode(errors="replace").strip()
                 raise MapError(f"{path} is not whole: {why}; ask for a smaller box")
     return names

@@ -31,7 +31,7 @@ def _notes(one: BenchmarkSequence, needs: Sequence[str]) -> Iterator[str]:
             read, others = ", ".join(names[:count]), ", ".join(names[count:])
             yield f"rig {rig.name}: systems read {kind} {read}, the first, not {others}"
     if note := _start(one, sequence):
-        yield f"{one.dataset} {one.town} {note}".removeprefix(". ")
+        yield f"{one.town} {note}"
 
 
 def _start(one: BenchmarkSequence, sequence: SlamSequence) -> str:

@@ -1,6 +1,5 @@
 """Reads poses from point clouds of PCL, as LIO-SAM and its kin write them: `transformations.pcd`."""
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +18,10 @@ _KINDS = {"F": "f", "I": "i", "U": "u"}
 
 def is_pcd(path: Path) -> bool:
     """Whether a file is a point cloud of PCL."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(_BEGIN)) == _BEGIN
-    except OSError:
+    if not path.is_file():
         return False
+    with path.open("rb") as file:
+        return file.read(len(_BEGIN)) == _BEGIN
 
 
 def read_pcd_poses(path: Path) -> Trajectory:
@@ -33,22 +31,15 @@ def read_pcd_poses(path: Path) -> Trajectory:
         EvaluationError: the file is damaged or compressed, or its points are no poses.
     """
     try:
-        head, data = _content(path)
+        column = _columns(path)
     except (OSError, KeyError, ValueError) as error:
-        raise EvaluationError(f"cannot read {path}: a damaged PCD file; save it again") from error
-    names = head["FIELDS"]
-    time = next((name for name in _TIMES if name in names), None)
-    attitude = next((group for group in (_TURNS, _QUAT) if set(group) <= set(names)), None)
-    if time is None or attitude is None or not set(_POSITION) <= set(names):
-        raise EvaluationError(
-            f"{path} is a cloud of points with {', '.join(names)}, not of poses; give LIO-SAM's "
-            "transformations.pcd, or a trajectory of times and poses"
-        )
-    if data is None:
-        raise EvaluationError(
-            f"{path} is compressed; run: pcl_convert_pcd_ascii_binary {path} poses.pcd 0, and give poses.pcd"
-        )
-    column = dict(zip(names, data, strict=True))
+        cure = f"save it by pcl_convert_pcd_ascii_binary {path} poses.pcd 0"
+        raise EvaluationError(f"cannot read {path}: {error}; {cure}") from error
+    time = next((name for name in _TIMES if name in column), None)
+    attitude = next((group for group in (_TURNS, _QUAT) if set(group) <= column.keys()), None)
+    if time is None or attitude is None or not set(_POSITION) <= column.keys():
+        named = ", ".join(column)
+        raise EvaluationError(f"{path} is a cloud of points with {named}, not of poses; give a trajectory")
     turns = np.array([column[name] for name in attitude])
     quat = rpy_to_quat(*turns) if attitude == _TURNS else turns.T
     # In two parts, since a float cannot hold nanoseconds since 1970.
@@ -57,26 +48,21 @@ def read_pcd_poses(path: Path) -> Trajectory:
     return in_order(path, stamp_ns, np.column_stack([column[name] for name in _POSITION]), quat)
 
 
-def _content(path: Path) -> tuple[dict[str, list[str]], list[Array] | None]:
-    """Words of the header by line, and the columns; None: they are compressed."""
+def _columns(path: Path) -> dict[str, Array]:
+    """Values of all points by the names of the fields."""
     with path.open("rb") as file:
         head: dict[str, list[str]] = {}
-        while "DATA" not in head:
-            line = file.readline()
-            if not line:
-                raise ValueError("no DATA")
-            word, *words = line.decode("ascii").split() or ["#"]
+        while "DATA" not in head and (line := file.readline().decode("ascii")):
+            word, *words = line.split() or ["#"]
             head[word] = words
         raw = file.read()
-    kind, count = head["DATA"][0], int(head["POINTS"][0])
-    if kind == "ascii":
-        table = np.loadtxt(io.BytesIO(raw), ndmin=2, dtype=np.float64)
-        if table.shape != (count, len(head["FIELDS"])):
-            raise ValueError("other columns")
-        return head, list(table.T)
-    if kind != "binary":
-        return head, None
-    kinds = zip(head["TYPE"], head["SIZE"], head["COUNT"], strict=True)
-    row = np.dtype([(f"f{k}", f"<{_KINDS[t]}{size}", (int(n),)) for k, (t, size, n) in enumerate(kinds)])
+    names, count = head["FIELDS"], int(head["POINTS"][0])
+    if head["DATA"] == ["ascii"]:
+        table = np.array(raw.split(), dtype=np.float64).reshape(count, len(names))
+        return dict(zip(names, table.T, strict=True))
+    if head["DATA"] != ["binary"]:
+        raise ValueError("its points are compressed")
+    kinds = zip(names, head["TYPE"], head["SIZE"], head["COUNT"], strict=True)
+    row = np.dtype([(name, f"<{_KINDS[kind]}{size}", (int(many),)) for name, kind, size, many in kinds])
     rows = np.frombuffer(raw, row, count)
-    return head, [rows[name][:, 0].astype(np.float64) for name in row.names or ()]
+    return {name: rows[name][:, 0].astype(np.float64) for name in names}

@@ -18,10 +18,7 @@ _LONG_BYTES = 500_000
 _HEAD_CHARACTERS, _SAMPLE_ROWS = 100_000, 200
 _COLUMNS_MIN = 4
 """No table of poses has fewer: a time, a position."""
-_GROUPS = {
-    "q": ("qx", "qy", "qz", "qw"), "p": ("px", "py", "pz"), "v": ("vx", "vy", "vz"),
-    "bg": ("bg_x", "bg_y", "bg_z"), "ba": ("ba_x", "ba_y", "ba_z"),
-}  # fmt: skip
+_GROUPS = {"q": ("qx", "qy", "qz", "qw"), "p": ("px", "py", "pz")}
 """Columns of the groups that headers of OpenVINS name: `# timestamp(s) q p v bg ba …`."""
 _COMMENTS = ("#", "%", "//")
 
@@ -216,7 +213,7 @@ def _words(line: str, separator: str | None, *, decimal_comma: bool = False) -> 
 
 def _names(header: str, separator: str | None, row: list[str]) -> tuple[str, ...] | None:
     """Names in a header, which may use another separator than the rows do; rows may end in empty columns."""
-    bare = re.sub(r"\s*[\[(][^\])]*[\])]", lambda unit: unit[0].replace(" ", ""), header)
+    bare = _bare(header)
     filled = max((place for place, word in enumerate(row, start=1) if word), default=0)
     for words in (_words(bare, separator), re.split(r"[,;\s]+", bare)):
         if filled <= len(words) <= len(row):
@@ -224,11 +221,14 @@ def _names(header: str, separator: str | None, row: list[str]) -> tuple[str, ...
     return None
 
 
+def _bare(header: str) -> str:
+    """A header whose units have no blanks."""
+    return re.sub(r"\s*[\[(][^\])]*[\])]", lambda unit: unit[0].replace(" ", ""), header)
+
+
 def _first_names(header: str, count: int) -> tuple[str, ...]:
     """Names of the first columns; OpenVINS' groups have several, and its header ends by a row of lists."""
-    words = re.split(
-        r"[,;\s]+", re.sub(r"\s*[\[(][^\])]*[\])]", lambda unit: unit[0].replace(" ", ""), header)
-    )
+    words = re.split(r"[,;\s]+", _bare(header))
     if {"q", "p"} <= set(words):
         last = max(place for place, word in enumerate(words) if word in _GROUPS)
         words = [name for word in words[: last + 1] for name in _GROUPS.get(word, (word,))]

@@ -49,14 +49,14 @@ def find_time_offset(truth: Trajectory, estimate: Trajectory, alignment: Alignme
         key=lambda result: result[1],
     )
     if not agreement > _AGREEMENT_MIN:
+        cure = (
+            "--times with a time for each frame"
+            if has_frame_numbers(estimate.stamp_ns)
+            else "the offset itself"
+        )
         raise EvaluationError(
             f"the motions of '{estimate.name}' and '{truth.name}' do not resemble each other at any offset "
-            f"(correlation {agreement:.2f}); "
-            + (
-                "give --times with a time for each frame"
-                if has_frame_numbers(estimate.stamp_ns)
-                else "give the offset itself"
-            )
+            f"(correlation {agreement:.2f}); give {cure}"
         )
     coarse_ns = int(truth.stamp_ns[0] - estimate.stamp_ns[0]) + round(lag * step_s * 1e9)
     return _refined(truth, estimate, coarse_ns, _REACH_NS, alignment)

@@ -111,8 +111,6 @@ def _named(table: TextTable) -> PoseColumns | None:
 
 def _by_first_names(table: TextTable) -> PoseColumns | None:
     """Columns by a header of OpenVINS, or one that names the first columns alone; None: there is none."""
-    if not table.first_names:
-        return None
     columns = columns_by_name(
         (*table.first_names, *[""] * (table.count - len(table.first_names))), table.sample
     )

@@ -1,7 +1,6 @@
 """Finds stretches that begin in motion, a false start for SLAM systems, and the nearest instant at rest."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
@@ -22,7 +21,7 @@ def motion_at_start(at_s: Array, speed_mps: Array, start_s: float) -> str:
     first = float(np.interp(start_s, at_s, speed_mps))
     if first < REST_MPS:
         return ""
-    rest_s: NDArray[np.float64] = at_s[speed_mps < REST_MPS]
+    rest_s = at_s[speed_mps < REST_MPS]
     line = f"begins at {first:.1f} m/s, a false start for systems that assume rest"
     if not len(rest_s):
         return f"{line}; the car stands nowhere in it"

@@ -14,7 +14,7 @@ import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from shutil import copy2, copytree, rmtree
+from shutil import copytree, rmtree
 from types import TracebackType
 from typing import IO, Any
 
@@ -229,9 +229,8 @@ def _move(part: Path, final: Path) -> None:
             raise
         half = final.with_name(f".{final.name}.part")
         rmtree(half, ignore_errors=True)
-        (copytree if part.is_dir() else copy2)(part, half)
-        half.rename(final)
-        rmtree(part) if part.is_dir() else part.unlink()
+        copytree(part, half).rename(final)
+        rmtree(part)
 
 
 def _remove_if_empty(folder: Path) -> None:

@@ -116,14 +116,9 @@ def run_odometry(
         EvaluationError: the bag is damaged or has no such topic.
     """
     bag = Path(bag)
-    if method not in METHODS and method in SYSTEMS:
-        needs = " and ".join(SYSTEMS[method].needs)
-        raise ConfigError(
-            f"'{method}' reads {needs} of a dataset, not a bag: carlaloc benchmark DATA --methods {method}; "
-            f"of bags: {', '.join(METHODS)}"
-        )
     if method not in METHODS:
-        raise ConfigError(unknown_name("method", method, METHODS))
+        other = f"; of datasets: carlaloc benchmark DATA --methods {method}" if method in SYSTEMS else ""
+        raise ConfigError(unknown_name("method of bags", method, METHODS) + other)
     system = SYSTEMS[METHODS[method]]
     if system.missing:
         raise MissingDependencyError(system.missing)

@@ -18,9 +18,7 @@ KINDS = ("weathers", "traffic", "rigs", "formats", "topics", "methods", "devices
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc list`."""
     parser.add_argument("kind", choices=KINDS, metavar="KIND", help=", ".join(KINDS))
-    parser.add_argument(
-        "name", nargs="?", help="one name of them; of rigs also a .yaml file, which is checked"
-    )
+    parser.add_argument("name", nargs="?", help="one name of them, or a .yaml file of a rig to check")
     parser.add_argument("--yaml", action="store_true", help="print a rig as the YAML file of --rig")
 
 

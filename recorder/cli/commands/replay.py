@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         camera_duration_s=arguments.camera_duration,
     )  # fmt: skip
     results: list[Any] = []
-    told: list[ReplayCost] = []
+    known: list[ReplayCost] = []
     replays = _of_noise_seeds(config, arguments.noise_seeds)
 
     def announce(cost: ReplayCost) -> None:
@@ -66,9 +66,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         cost = replace(cost, written_bytes=count * cost.written_bytes, cpu_s=count * cost.cpu_s)
         cost.check(config.out, kept_bytes=size_of(config.out))
         announced(cost)
-        if not told and (note := motion_at_start_of(Episode.load(config.episode).timeline(), config.start_s)):
+        if not known and (
+            note := motion_at_start_of(Episode.load(config.episode).timeline(), config.start_s)
+        ):
             announced(f"the stretch {note}")
-        told.append(cost)
+        known.append(cost)
 
     for replayed in replays:
         with Progress("replaying") as progress:
