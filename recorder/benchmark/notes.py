@@ -40,8 +40,7 @@ def _start(one: BenchmarkSequence, sequence: SlamSequence) -> str:
         return motion_at_start_of(plan.timeline, plan.config.start_s)
     drive = sequence.files.drive
     truth = read_tum(drive.truth("base_link"))
-    described = DatasetManifest.read(drive.dataset.path).drives[one.town]
-    begin_s = float(described.get("stretch_s", (0.0,))[0])
+    begin_s = float(DatasetManifest.read(drive.dataset.path).drives[one.town].get("stretch_s", (0.0,))[0])
     at_s = begin_s + (truth.stamp_ns - truth.stamp_ns[0]) / 1e9
     speed_mps = np.linalg.norm(np.gradient(truth.position_m, at_s, axis=0), axis=1)
     return motion_at_start(at_s, speed_mps, begin_s)

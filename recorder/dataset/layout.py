@@ -200,8 +200,7 @@ def whole_path(path: Path) -> Path:
 
 def files_below(folder: Path) -> list[Path]:
     """All files below a folder, by their paths; folders that are links are followed, each once."""
-    files: list[Path] = []
-    places: set[Path] = set()
+    files, places = list[Path](), set[Path]()
     for root, folders, names in os.walk(folder, followlinks=True):
         if (place := Path(root).resolve()) in places:
             folders.clear()
