@@ -80,6 +80,7 @@ class AnyTownEnv(BaseEnv):
             ClosedError: the environment has been closed.
         """
         self._begin(seed)
+        self._now.check_drawing()
         drawn = self._draw(options or {})
         self._now = self._town(str(drawn.pop("town")))
         return self._now.reset(seed=int(self.np_random.integers(2**31)), options=drawn)

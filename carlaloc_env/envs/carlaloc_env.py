@@ -113,8 +113,7 @@ class CarlaLocEnv(BaseEnv):
         """
         start = EpisodeStart.of({"route": self._route, "start": self._start, **(options or {})})
         self._begin(seed)
-        if isinstance(self._rig, SensorRig) and self._rig.of_kind("camera"):
-            check_opengl()
+        self.check_drawing()
         drive_seed = int(self.np_random.integers(2**31))
         route = route_of(start, self._town, self.np_random)
         level = self._default_traffic if start.traffic is None else start.traffic
@@ -186,6 +185,15 @@ class CarlaLocEnv(BaseEnv):
         if self._window is not None:
             self._window.close()
             self._window = None
+
+    def check_drawing(self) -> None:
+        """Refuse cameras in a process that cannot draw, before anything that takes long.
+
+        Raises:
+            RenderError: see `check_opengl`.
+        """
+        if isinstance(self._rig, SensorRig) and self._rig.of_kind("camera"):
+            check_opengl()
 
     @property
     def rig(self) -> SensorRig | str:

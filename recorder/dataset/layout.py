@@ -198,7 +198,7 @@ def whole_path(path: Path) -> Path:
     return Path(os.path.normpath(path.absolute()))
 
 
-def files_below(folder: Path) -> list[Path]:
+def files_below(folder: str | Path) -> list[Path]:
     """All files below a folder, by their paths; folders that are links are followed, each once."""
     files, places = list[Path](), set[Path]()
     for root, folders, names in os.walk(folder, followlinks=True):
@@ -222,7 +222,6 @@ def sequence_at(path: Path) -> SequenceFolder:
 
 def sequences_below(root: str | Path) -> list[SequenceFolder]:
     """Finished sequences of all datasets below a folder, by their paths."""
-    root = Path(root)
     folders = [file.parent for file in files_below(root) if file.name == SEQUENCE]
     hidden = [any(part.startswith(".") for part in path.relative_to(root).parts) for path in folders]
     return [SequenceFolder(path) for path, skip in zip(folders, hidden, strict=True) if not skip]

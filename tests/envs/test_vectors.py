@@ -15,6 +15,7 @@ from shared_fixtures.drives.straight_drives import MakeEnv
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.core.errors import RenderError
+from carlaloc_env.envs.any_town_env import AnyTownEnv
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.weather.schedule import weather_of
 
@@ -131,7 +132,9 @@ def test_new_processes_know_the_environments_of_their_parent(
 
 
 @pytest.mark.parametrize("closed", [False, True])
-def test_a_fork_of_a_process_that_drew_gives_an_error_at_once(closed: bool, make_env: MakeEnv) -> None:
+def test_a_fork_of_a_process_that_drew_gives_an_error_at_once(
+    closed: bool, make_env: MakeEnv, straight_map: Path
+) -> None:
     """Not a wait for the driver's threads, which a fork lacks; new processes draw, and so does the parent."""
     env = make_env(rig="minimal")
     env.reset(seed=0)
@@ -145,6 +148,10 @@ def test_a_fork_of_a_process_that_drew_gives_an_error_at_once(closed: bool, make
     envs.close()
     if not closed:
         env.step(GO)
+    any_town = AsyncVectorEnv([lambda: AnyTownEnv([straight_map], rig="minimal")], context="fork")
+    with pytest.raises(RenderError, match='context="spawn"'):
+        any_town.reset(seed=1)
+    any_town.close()
     of_forks = AsyncVectorEnv([lambda: make_env(rig="state")], context="fork")
     of_forks.reset(seed=1)
     of_forks.close()
