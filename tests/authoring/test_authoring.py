@@ -2,6 +2,7 @@
 
 import math
 import pathlib
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -14,6 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from carlaloc_env.core.files.array_files import arrays_hash
+from carlaloc_env.map.lanes.build_network import build_network
+from carlaloc_env.map.lanes.network_arrays import to_arrays
+from carlaloc_env.map.opendrive.reader import read_opendrive
+from carlaloc_env.map.opendrive.records import LaneRecord
 from carlaloc_env.map.opendrive.reference_line import clothoid
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -250,3 +256,30 @@ def test_the_file_is_what_the_plan_writes(name: str) -> None:
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True, env={"PYTHONHASHSEED": "7"}
     )
     assert done.stdout == (ROOT / "maps" / name / "town.xodr").read_bytes()
+
+
+@pytest.mark.parametrize("name", TOWNS)
+def test_lines_beside_lanes_that_open_or_close_are_broken(name: str) -> None:
+    """Cars enter and leave a lane there; the line is solid where the lane is whole and a junction is near."""
+
+    def opens(lane: LaneRecord) -> bool:
+        return any(record.b or record.c or record.d for record in lane.widths)
+
+    xodr = read_opendrive(ROOT / "maps" / name / "town.xodr")
+    for road in xodr.roads:
+        for section in road.sections if road.junction_id is None else ():
+            for lane in section.lanes:
+                outer = section.lane(lane.id + (1 if lane.id > 0 else -1)) if lane.id else None
+                if outer is None or not lane.type == outer.type == "driving":
+                    continue
+                solid = [mark for mark in lane.road_marks if mark.lane_change != "both"]
+                assert not solid or not (opens(lane) or opens(outer)), (road.id, lane.id, section.s_m)
+
+
+def test_marks_bear_on_no_drive() -> None:
+    """Without any mark, Town03's lanes, signals and routes are the same to the last bit."""
+    text = (ROOT / "maps" / "Town03" / "town.xodr").read_text(encoding="utf-8")
+    bare = re.sub(r"<roadMark\b[^>]*?(/>|>.*?</roadMark>)", "", text, flags=re.DOTALL)
+    assert bare != text
+    hashes = {arrays_hash(to_arrays(build_network(read_opendrive(t.encode())))) for t in (text, bare)}
+    assert len(hashes) == 1

@@ -277,7 +277,7 @@ def _mark_borders(cross: CrossSection, sides: dict[str, list[LanePlan]], layout:
     for lanes in sides.values():
         for lane, outer in zip(lanes, [*lanes[1:], None], strict=True):
             lane.marks = [border_mark(lane, outer, raised, cross.marks)]
-            if lane.key.endswith(":pocket") and layout == "pocket":
+            if lane.key.endswith(":pocket") and layout == "pocket" and _is_whole(lane):
                 lane.marks = [Mark(0.0, "solid")]
 
 
@@ -316,19 +316,32 @@ def _centre_mark(cross: CrossSection, sides: dict[str, list[LanePlan]]) -> Mark:
 
 
 def solid_before_junction(sections: list[SectionPlan], length: float) -> None:
-    """Draw lane lines solid where traffic nears a junction and must not change lanes any more."""
+    """Draw lane lines solid where traffic nears a junction and must not change lanes any more.
+
+    Beside a lane that opens or closes they stay broken, since cars enter or leave it there.
+    """
     for section in sections:
         ahead = max(0.0, length - SOLID_BEFORE_JUNCTION_M - section.s)
         behind = min(section.length, SOLID_BEFORE_JUNCTION_M - section.s)
-        for lane in section.right:
+        for lane in _beside_whole(section.right):
             mark = lane.marks[0]
             if mark.kind == "broken" and ahead < section.length:
                 lane.marks = [mark, Mark(ahead, "solid")] if ahead > 0 else [Mark(0.0, "solid")]
-        for lane in section.left:
+        for lane in _beside_whole(section.left):
             mark = lane.marks[0]
             if mark.kind == "broken" and behind > 0:
                 rest = [replace(mark, s=behind)] if behind < section.length else []
                 lane.marks = [Mark(0.0, "solid"), *rest]
+
+
+def _beside_whole(side: list[LanePlan]) -> list[LanePlan]:
+    """Lanes of which neither they nor the next ones outside of them open or close in the section."""
+    return [lane for lane, outer in itertools.pairwise(side) if _is_whole(lane) and _is_whole(outer)]
+
+
+def _is_whole(lane: LanePlan) -> bool:
+    """Whether a lane is equally wide all along its section."""
+    return all(not any(slopes) for _, (_, *slopes) in lane.width)
 
 
 def link_sections(before: SectionPlan, after: SectionPlan) -> None:
