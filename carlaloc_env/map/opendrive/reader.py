@@ -4,7 +4,9 @@ from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.map.opendrive.cross_section_surface import read_cross_section_surface
 from carlaloc_env.map.opendrive.geo_reference import read_geo_reference
+from carlaloc_env.map.opendrive.junction_grids import on_grids
 from carlaloc_env.map.opendrive.near_origin import near_origin
 from carlaloc_env.map.opendrive.read_lane_sections import read_sections, read_speed
 from carlaloc_env.map.opendrive.read_plan_view import read_cubics, read_plan_view, read_shapes
@@ -58,7 +60,7 @@ def read_opendrive(source: Path | bytes) -> OpenDrive:
     ids = _Ids({e.get("id") for e in elements}, {e.get("id") for e in junctions})
     seen: set[str] = set()
     roads = document.each(elements, lambda e: _new(document, e, seen, _road(document, e, ids)))
-    roads, shift_m = near_origin(document, roads)
+    roads, shift_m = near_origin(document, on_grids(document, junctions, roads))
     if not roads:
         raise MapError(f"{document.name}: no road can be used; {document.notes[-1].message}")
     for element in elements:
@@ -133,7 +135,7 @@ def _road(document: Document, element: Element, ids: _Ids) -> Road:
         geometry=geometry,
         elevation=read_cubics(document, element.findall("elevationProfile/elevation")),
         superelevation=read_cubics(document, element.findall("lateralProfile/superelevation")),
-        shape=read_shapes(document, element),
+        shape=read_cross_section_surface(document, element, length) or read_shapes(document, element),
         lane_offset=read_cubics(document, element.findall("lanes/laneOffset")),
         sections=read_sections(document, element, length),
         objects=read_objects(document, element, length),

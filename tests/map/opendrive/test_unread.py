@@ -16,9 +16,6 @@ from carlaloc_env.map.opendrive.unread_elements import element_table
 TEXT = CROSSING.read_text(encoding="utf-8")
 ROAD = "<planView>"
 SURFACE = '<surface><CRG file="a.crg" sStart="0" sEnd="9" orientation="same" mode="attached"/></surface>'
-GRID = (
-    '<elevationGrid gridSpacing="10" sStart="0"><elevation left="0" center="0.5" right="0"/></elevationGrid>'
-)
 
 
 def notes(text: str, element: str) -> list[Note]:
@@ -37,19 +34,12 @@ def in_junction(text: str) -> str:
 @pytest.mark.parametrize(
     ("text", "element", "place", "part"),
     [
-        (in_junction(GRID), "elevationGrid", "junction 100", "heights"),
         (in_junction('<boundary><segment type="lane"/></boundary>'), "boundary", "junction 100", "outline"),
         (in_junction('<priority high="1" low="2"/>'), "priority", "junction 100", "right of way"),
         (in_junction(SURFACE), "surface", "junction 100", "OpenCRG"),
         (in_junction('<crossPath id="4" crossingRoad="9"/>'), "crossPath", "4 of junction 100", "walker"),
         (in_road(SURFACE), "surface", "road 1", "OpenCRG"),
         (in_road('<railroad><switch id="8"/></railroad>'), "railroad", "road 1", "rails"),
-        (
-            in_road("<lateralProfile><crossSectionSurface><tOffset/></crossSectionSurface></lateralProfile>"),
-            "crossSectionSurface",
-            "road 1",
-            "across the road",
-        ),
         (
             in_road('<lateralProfile><crossfall side="both" s="0" a="0.02"/></lateralProfile>'),
             "crossfall",
