@@ -23,6 +23,8 @@ _CAUSE = 0.4
 """A cause is named if the error without it is below this part of the error, and of a standing estimate's."""
 _TURN_DEG, _SCALE, _OFFSET_S, _TIME = 3.0, 0.1, 0.005, 0.95
 """Least rotation [deg], change of scale and offset [s] that are named; coverage below which gaps are."""
+_CLOCK_S = 0.05
+"""Time between the poses by whose motions clocks are compared, where there are as many [s]."""
 _SAMPLE = 10_000
 """Pairs from which rotations and scales are fitted; an hour at 200 Hz has 72 times as many."""
 
@@ -89,20 +91,28 @@ def _scale_findings(result: EvaluationResult) -> Iterator[str]:
 def _clock_findings(result: EvaluationResult, truth: Trajectory, estimate: Trajectory) -> Iterator[str]:
     """A constant offset of the estimate's clock."""
     with suppress(EvaluationError):
-        offset_ns = find_time_offset(truth, estimate, result.alignment)
+        offset_ns = find_time_offset(_thinned(truth), _thinned(estimate), result.alignment)
+        if abs(offset_ns) * 1e-9 <= _OFFSET_S:
+            return
         true, paired = associate(
             truth, estimate.shifted(offset_ns), Association.INTERPOLATED,
             max_gap_ns=2 * int(np.median(np.diff(truth.stamp_ns))),
         )  # fmt: skip
         error_m = position_error_m(true, align(true, paired, result.alignment).apply(paired))
         enough = len(true) >= 0.8 * result.matched
-        if enough and abs(offset_ns) * 1e-9 > _OFFSET_S and _explains(result, error_m):
+        if enough and _explains(result, error_m):
             offset_s = offset_ns / 1e9
             yield (
                 f"a constant offset of {offset_s:+.3f} s of the estimate's clock{clock_name(offset_s)} "
                 f"explains most of the error ({_instead(result, error_m)}); "
                 f"evaluate --time-offset={offset_s:.3f} takes it out"
             )
+
+
+def _thinned(trajectory: Trajectory) -> Trajectory:
+    """Poses about `_CLOCK_S` apart."""
+    period_s = trajectory.duration_s / max(len(trajectory) - 1, 1)
+    return trajectory.take(np.arange(0, len(trajectory), max(1, int(_CLOCK_S / max(period_s, 1e-9)))))
 
 
 def _explains(result: EvaluationResult, error_m: float) -> bool:

@@ -49,7 +49,7 @@ def in_order(
     has_attitudes = quat_xyzw is not None and not _are_none(quat_xyzw, position_m)
     if quat_xyzw is None or not has_attitudes:
         quat_xyzw = np.tile([0.0, 0.0, 0.0, 1.0], (len(position_m), 1))
-    finite: NDArray[np.bool_] = np.all(np.isfinite(np.hstack([position_m, quat_xyzw])), axis=1)
+    finite = _whole_rows(np.isfinite(np.hstack([position_m, quat_xyzw])))
     if not finite.any():
         raise EvaluationError(f"{path} holds only poses that are not finite")
     rows = np.flatnonzero(finite)
@@ -57,8 +57,8 @@ def in_order(
         lost = len(finite) - int(finite.sum())
         _LOG.warning("%s: %d of %d poses are not finite; left out", path, lost, len(finite))
         stamp_ns, position_m, quat_xyzw = stamp_ns[finite], position_m[finite], quat_xyzw[finite]
-    if (beyond := np.any(np.abs(position_m) >= _POSITION_MAX_M, axis=1)).any():
-        where = place(int(rows[np.argmax(beyond)]))
+    if not (within := _whole_rows(np.abs(position_m) < _POSITION_MAX_M)).all():
+        where = place(int(rows[np.argmin(within)]))
         raise EvaluationError(f"{path} holds a position beyond {_POSITION_MAX_M:g} m ({where}); give metres")
     with np.errstate(over="ignore"):
         norm = np.sqrt(np.sum(quat_xyzw**2, axis=1, keepdims=True))
@@ -90,10 +90,17 @@ def in_order(
     )
 
 
+def _whole_rows(table: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Rows that are true throughout; NumPy takes long for many short rows, and mostly all of them are."""
+    return np.ones(len(table), np.bool_) if table.all() else np.all(table, axis=1)
+
+
 def _are_none(quat_xyzw: Array, position_m: Array) -> bool:
     """Whether attitudes are all missing or zero, or all the same although the path turns."""
-    given = quat_xyzw[np.isfinite(quat_xyzw).all(axis=1)]
-    path_m = position_m[(np.abs(position_m) < _POSITION_MAX_M).all(axis=1)]
+    given = quat_xyzw[_whole_rows(np.isfinite(quat_xyzw))]
+    if len(given) and np.ptp(given[:: 1 + len(given) // 1000], axis=0).max() > 1e-9:
+        return False
+    path_m = position_m[_whole_rows(np.abs(position_m) < _POSITION_MAX_M)]
     if not given.any() or len(path_m) < 3:
         return not given.any()
     spread_m = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(path_m.T)), 0.0))
@@ -109,9 +116,9 @@ def _impossible(position_m: Array, place: Callable[[int], str]) -> tuple[str, ..
         return ()
     steps_m = np.linalg.norm(np.diff(position_m, axis=0), axis=1)
     away_m = np.minimum(steps_m[:-1], steps_m[1:])
-    beside_m = np.linalg.norm(position_m[2:] - position_m[:-2], axis=1)
-    least_m = max(_SPIKE_M, _SPIKE_STEPS * float(np.median(steps_m)))
-    spikes = np.flatnonzero((away_m > least_m) & (beside_m < 0.2 * away_m))
+    spikes = np.flatnonzero(away_m > max(_SPIKE_M, _SPIKE_STEPS * float(np.median(steps_m))))
+    beside_m = np.linalg.norm(position_m[spikes + 2] - position_m[spikes], axis=1)
+    spikes = spikes[beside_m < 0.2 * away_m[spikes]]
     if not len(spikes):
         return ()
     others = f", and {len(spikes) - 1} more like it" if len(spikes) > 1 else ""
