@@ -38,7 +38,7 @@ FOREIGN = {
     "nerfstudio": {"--auto-scale-poses", "--center-method", "--data", "--orientation-method"},
     "other programs for cameras and SLAM": {"--cam-calib", "--config"},
     "smfeval": {"--cov", "--est-body-frame", "--ref-body-frame"},
-    "docker and pip": {"--cpus", "--gpus", "--index-url"},
+    "docker and pip": {"--cpus", "--gpus", "--group", "--index-url"},
     "dask": {"--memory-limit", "--nthreads", "--nworkers", "--port"},
 }
 """Options of programs of others that docs name."""
