@@ -123,7 +123,8 @@ def between(start: Pose, end: Pose, via: Array | None = None) -> Path:
     first, last = (start.x, start.y), (end.x, end.y)
     if via is None:
         reach = math.dist(first, last)
-        if abs(wrap(end.h - start.h)) < 1e-9 and abs(_aside(start, end)) < 1e-9:
+        ahead = (end.x - start.x) * math.cos(start.h) + (end.y - start.y) * math.sin(start.h)
+        if abs(wrap(end.h - start.h)) < 1e-9 and abs(_aside(start, end)) < 1e-9 and ahead > 0.0:
             return Path(start, (Piece(reach),))
         meeting = _meeting(start, end)
         corners = [[first, meeting, last]] if meeting is not None else []

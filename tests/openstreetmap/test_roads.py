@@ -10,9 +10,11 @@ import tomllib
 from shared_fixtures.worlds.imported_towns import made
 from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, bridge, village
 
+from carlaloc_env.authoring.geometry.plan_view_curves import Pose
 from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.map.opendrive.reader import read_opendrive
 from carlaloc_env.map.routing.plan_route import plan_route
+from carlaloc_env.openstreetmap.axes import between, radius
 from carlaloc_env.openstreetmap.import_town import import_town
 from carlaloc_env.openstreetmap.turning_places import PLACE_NAME
 from carlaloc_env.scenery.kerbs.tight_turns import fit_turns
@@ -224,3 +226,11 @@ def test_lit_crossings_between_junctions_have_lights(oneway: str, tmp_path: Path
     middles = np.array([(walk.start_m + walk.end_m)[:2] / 2 for walk in network.crosswalks]) - (0.0, 50.0)
     assert (np.hypot(*(middles - (-100.0, 0.0)).T) < 9.0).sum() == 1
     assert (np.hypot(*(middles - (100.0, 0.0)).T) < 15.0).sum() == 1
+
+
+def test_a_pose_straight_behind_is_not_joined_by_a_straight_ahead() -> None:
+    """Both ends of a short street in one junction: the path ends at its end, however tight it is."""
+    path = between(Pose(0.0, 0.0, 0.0), Pose(-14.5, 0.0, 0.0))
+    assert (path.end.x, path.end.y) == pytest.approx((-14.5, 0.0), abs=1e-6)
+    assert radius(path) < 1.0
+    assert between(Pose(0.0, 0.0, 0.0), Pose(14.5, 0.0, 0.0)).length == pytest.approx(14.5)
