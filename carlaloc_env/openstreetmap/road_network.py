@@ -248,8 +248,10 @@ def _bulb_setback(end: End, chain: Chain, solid: shapely.STRtree, streets: shape
 
 def _bulb_path(start: Pose, street: Street) -> Path:
     lanes = max(street.lanes)
-    radius = LEAST_RADIUS_M + 0.3 - 0.5 * street.lane_m
-    flare = LEAST_RADIUS_M + 0.3 + (lanes - 0.5) * street.lane_m
+    # Where lanes are narrow, the tail of a car comes near the kerb.
+    middle = LEAST_RADIUS_M + 0.3 + 2.5 * max(0.0, 3.0 - street.lane_m)
+    radius = middle - 0.5 * street.lane_m
+    flare = middle + (lanes - 0.5) * street.lane_m
     return turning_bulb(start, radius, max(flare, 10.0), 3.0)
 
 
