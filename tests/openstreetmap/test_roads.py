@@ -234,3 +234,16 @@ def test_a_pose_straight_behind_is_not_joined_by_a_straight_ahead() -> None:
     assert (path.end.x, path.end.y) == pytest.approx((-14.5, 0.0), abs=1e-6)
     assert radius(path) < 1.0
     assert between(Pose(0.0, 0.0, 0.0), Pose(14.5, 0.0, 0.0)).length == pytest.approx(14.5)
+
+
+def test_bulbs_of_narrow_lanes_are_wider(tmp_path: Path) -> None:
+    """By a metre in the middle of a lane of 2.6 m: 2.5 for each that it lacks of 3."""
+    radii = []
+    for width in ("7", "5.2"):
+        sketch = Sketch()
+        sketch.way((-200, 0), (200, 0), highway="residential", width=width)
+        _, network = made(sketch, tmp_path)
+        (bulb, *_) = (k for k in network.lanes if k.type == "driving" and k.junction_id is not None)
+        s = np.linspace(0.0, bulb.length_m, 200)
+        radii.append(1.0 / np.abs(network.exact_pose(np.full(len(s), bulb.index), s)[3]).max())
+    assert radii[1] - radii[0] == pytest.approx(1.0, abs=0.02)
