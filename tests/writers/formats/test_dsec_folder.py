@@ -24,7 +24,7 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dsec") / "ClearNoon_dynamic"
     config = Recipe(
         episode=Path(), town=Path(), conditions=(), rig=rig_by_name("dsec"), camera_ns=(0, 0), seed=0,
-        quality="medium", formats=("dsec",), topics="slam", preview=False,
+        quality="medium", formats=("dsec",), topics="slam", truth_tf=False, clock=False, preview=False,
     )  # fmt: skip
     streams = tuple(f"{kind}_{side}" for side in ("left", "right") for kind in ("rgb", "depth", "events"))
     writers = [output.open(SequenceFolder(folder)) for output in outputs_of(config, streams)]

@@ -103,7 +103,7 @@ def test_each_sensor_of_the_rig_has_a_panel_and_none_else(tmp_path: Path, kind: 
     name, streams, shown, size = RIGS[kind]
     config = Recipe(
         episode=Path(), town=Path(), conditions=(), rig=rig_by_name(name), camera_ns=(0, 0), seed=0,
-        quality="medium", formats=(), topics="slam", preview=True,
+        quality="medium", formats=(), topics="slam", truth_tf=False, clock=False, preview=True,
     )  # fmt: skip
     (output,) = outputs_of(config, streams)
     assert isinstance(output.encoder, PreviewEncoder)
