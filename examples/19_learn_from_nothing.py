@@ -21,8 +21,6 @@ from learning.agent import act, load, new_agent, save
 from learning.drive_env import MILD, drive_env, logged
 from learning.score import UNSEEN, by_agent, report
 
-KEPT = 20_000  # actions between two savings
-
 
 def main(
     out: Path, towns: Sequence[str] = ("Town01",), route: str = "town", sees: str = "state", seed: int = 0,
@@ -42,7 +40,7 @@ def main(
     if begin_with is not None:
         load(agent, begin_with)
     keep = ConvertCallback(lambda *_: bool(save(agent, out / "agent.pt")))  # true: go on
-    agent.learn(steps, EveryNTimesteps(KEPT, keep))
+    agent.learn(steps, EveryNTimesteps(20_000, keep))
     save(agent, out / "agent.pt")
     scoring = drive_env(towns[:1], **kind | {"start": 0.0, "task": {"time_limit_s": 6.0 * time_limit_s}})
     return report(towns[0], [by_agent(scoring, partial(act, agent), one) for one in UNSEEN[:scored]])

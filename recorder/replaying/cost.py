@@ -23,7 +23,7 @@ STREAM_ERRORS = {DepthImage: 0.35, FlowImage: 0.35, NormalImage: 0.35, Events: 0
 """Largest errors of streams whose size depends on the scene, until the first unit is weighed."""
 FILM_PANEL_BYTES, FILM_PICTURE_BYTES, STILL_BYTES = 640 * 360 * 3.0, 2e4, 4.5e5
 """Size of a panel of the film in a spool, of a picture of the film, and of the picture beside it [bytes]."""
-COMMAND_S, PROCESS_S, STAGE_S, CASTING_S, DRAWING_S = 4.0, 1.5, 1.5, 1.0, 5.0
+COMMAND_S, PROCESS_S, STAGE_S, CASTING_S, DRAWING_S = 2.5, 1.0, 1.5, 1.0, 5.0
 """CPU time on the reference machine of the command, of a process, of its sensors of a level, and more of
 those with rays and with pictures [s]."""
 LEVEL_S, RAY_S, RADAR_RAY_S = 0.2, 0.35e-6, 2e-6
@@ -54,7 +54,7 @@ class ReplayCost:
     processes: int
     """Processes that share the work."""
     made_cpu_s: float
-    """Part of it in which sensors are built and samples made [s]."""
+    """Part of it in which samples are made [s]."""
     seen_s: float
     """Length of all pictures, or of all sensors' stretches where there are none, over all levels [s]."""
     weighed_s: float = 0.0
@@ -126,7 +126,7 @@ def replay_cost(options: ReplayOptions, stretches: Sequence[Stretch], processes:
     panels = sum(weathers if output == "rgb" else 1 for s in cameras[:1] for output in s.outputs[:3])
     stage_s = STAGE_S + CASTING_S * bool(rays_s) + DRAWING_S * bool(cameras)
     written = error = assembled_s = 0.0
-    made_s, spools = stage_s * len(stretches) * max(processes, levels), []
+    stages_s, made_s, spools = stage_s * len(stretches) * max(processes, levels), 0.0, []
     for stretch in stretches:
         spooled = 0.0
         for size in stream_sizes(rig, options.formats, options.topics, skies, stretch):
@@ -158,7 +158,7 @@ def replay_cost(options: ReplayOptions, stretches: Sequence[Stretch], processes:
         written_bytes=written,
         spooled_bytes=max(spools) * min(levels, 1.0 + 2.0 * (processes - 1) * unit_share),
         size_error=max(SIZE_ERROR, error / max(written, 1.0)),
-        cpu_s=slowness() * (COMMAND_S + processes * PROCESS_S + made_s + assembled_s),
+        cpu_s=slowness() * (COMMAND_S + processes * PROCESS_S + stages_s + made_s + assembled_s),
         made_cpu_s=slowness() * made_s,
         seen_s=levels * (sum(s.images_s for s in stretches) or sum(s.whole_s for s in stretches)),
         processes=processes,

@@ -18,7 +18,7 @@ from recorder.replaying.unit_work import SHARED, read_summary
 
 WEIGHED_NS = 1_000_000_000
 """Longest stretch that is assembled [ns]."""
-TELLING_S = 5.0
+TELLING_S = 15.0
 """CPU time of a unit from which on it shows how slow the machine is [s]."""
 
 
@@ -36,8 +36,11 @@ def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path
     folder, recipe = units_dir / unit.name, plan.recipe
     summary, of_unit = read_summary(folder), plan.cost_of(unit.level, unit.span_ns)
     ratio = summary["cpu_s"] / of_unit.made_cpu_s
-    if summary["cpu_s"] >= TELLING_S:
-        remember_slowness(slowness() * ratio)
+    if summary["cpu_s"] < TELLING_S:
+        ratio = 1.0
+    else:
+        # Half of the way, since a rig's own error is in it, too.
+        remember_slowness(slowness() * ratio**0.5)
     if cost.seen_s <= of_unit.seen_s:
         return cost
     first_ns = max(unit.span_ns[0], recipe.camera_ns[0]) if plan.shows(unit) else unit.span_ns[0]
@@ -54,7 +57,7 @@ def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path
         written_bytes=cost.written_bytes + (weighed - of_part.written_bytes) * cost.seen_s / of_part.seen_s,
         spooled_bytes=cost.spooled_bytes * spooled / of_unit.spooled_bytes,
         size_error=min(cost.size_error, SIZE_ERROR),
-        cpu_s=cost.cpu_s * ratio,
+        cpu_s=cost.cpu_s + (ratio - 1.0) * cost.made_cpu_s,
         weighed_s=(span_ns[1] - span_ns[0]) / 1e9,
     )
 

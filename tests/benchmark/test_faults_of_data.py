@@ -48,7 +48,8 @@ def test_a_wrong_imu_is_named_before_the_runs(
     assert score.failed is None
     assert score.time_coverage > 0.95
     assert "a constant rotation of 120.0° lies between the body frames" in score.findings
-    (line,) = caplog.messages or [""]
+    start, line = [*caplog.messages, ""][:2]
+    assert start.startswith("Box begins at 1.4 m/s, a false start")
     if words is None:
         assert line == ""
         assert "IMU" not in score.findings

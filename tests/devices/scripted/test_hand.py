@@ -38,11 +38,11 @@ def test_a_hand_drives_as_its_driver_wants(by_hand: Episode, straight_map: Path,
 
 
 def test_a_device_is_read_once_an_image_in_steps_of_16_bits(by_hand: Episode) -> None:
-    """Raw axes stay for six or seven ticks of an image, and are whole numbers of 1/32767."""
+    """Raw axes stay for six or seven ticks of an image, and are whole numbers of 1/32768."""
     raw = by_hand.ego["raw_steer"].astype(np.float64)
     changes = np.diff(np.flatnonzero(np.diff(raw[TICK_HZ:])))
     assert changes.min() >= TICK_HZ // IMAGE_HZ
-    steps = raw * 32767.0
+    steps = raw * 32768.0
     assert np.abs(steps - np.round(steps)).max() < 0.01
     assert len(np.unique(raw)) > 50
     applied = by_hand.ego["steer"]
