@@ -27,10 +27,10 @@ COMMAND_S, PROCESS_S, STAGE_S, CASTING_S, DRAWING_S = 2.5, 1.0, 1.5, 1.0, 5.0
 """CPU time on the reference machine of the command, of a process, of its sensors of a level, and more of
 those with rays and with pictures [s]."""
 LEVEL_S, RAY_S, RADAR_RAY_S = 0.2, 0.35e-6, 2e-6
-DRAW_S, SHADE_S, EVENT_S, FILM_S = 9e-8, 6.5e-8, 5e-8, 0.006
+DRAW_S, SHADE_S, EVENT_S, FILM_S = 1.1e-7, 7.5e-8, 2e-8, 0.006
 """The same of a second under a level, a LiDAR's ray, a radar's; of a pixel, its light in a weather, its
 events, a panel of the film [s]; by the figures of docs/performance.md."""
-EVENT_BYTE_S = 4e-8
+EVENT_BYTE_S = 2e-8
 BYTE_S = {
     "rosbag1": 7e-9, "rosbag1_lz4": 1.2e-8, "rosbag1_bz2": 2e-7, "rosbag2": 1.6e-8, "rosbag2_sqlite3": 9e-9,
     "euroc": 6e-8, "kitti": 5e-8, "dsec": 3e-8, "nuscenes": 4e-8, "colmap": 6e-8, "raw": 8e-8,
@@ -53,8 +53,6 @@ class ReplayCost:
     """CPU time of all processes on a machine that has built the town before [s]."""
     processes: int
     """Processes that share the work."""
-    made_cpu_s: float
-    """Part of it in which samples are made [s]."""
     seen_s: float
     """Length of all pictures, or of all sensors' stretches where there are none, over all levels [s]."""
     weighed_s: float = 0.0
@@ -159,7 +157,6 @@ def replay_cost(options: ReplayOptions, stretches: Sequence[Stretch], processes:
         spooled_bytes=max(spools) * min(levels, 1.0 + 2.0 * (processes - 1) * unit_share),
         size_error=max(SIZE_ERROR, error / max(written, 1.0)),
         cpu_s=slowness() * (COMMAND_S + processes * PROCESS_S + stages_s + made_s + assembled_s),
-        made_cpu_s=slowness() * made_s,
         seen_s=levels * (sum(s.images_s for s in stretches) or sum(s.whole_s for s in stretches)),
         processes=processes,
     )

@@ -1,7 +1,11 @@
 """How much slower than the reference machine this one is, remembered from its last replay."""
 
 import json
+import time
+import zlib
 from contextlib import suppress
+
+import numpy as np
 
 from carlaloc_env.core.errors import OutputError
 from carlaloc_env.core.files.array_cache import default_cache_dir
@@ -11,6 +15,16 @@ FILE = "machine.json"
 """Name of the file in the cache's folder."""
 LARGEST = 10.0
 """Factors beyond this one, or below its inverse, are no machine's."""
+_WORK_BYTES, REFERENCE_S = 4_000_000, 0.1
+"""Size of random bytes, and the CPU time in which the reference machine packs them [s]."""
+
+
+def measured_slowness() -> float:
+    """CPU time of a fixed work now over that of the reference machine; in plain C, alike on processors."""
+    work = np.random.default_rng(0).bytes(_WORK_BYTES)
+    began_s = time.process_time()
+    zlib.compress(work)
+    return (time.process_time() - began_s) / REFERENCE_S
 
 
 def slowness() -> float:

@@ -6,15 +6,12 @@ Both are functions of a job that is plain data, on any machine that sees the epi
 import json
 import shutil
 import threading
-import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from secrets import token_hex
 from typing import Any
-
-from numba.core import event
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError, WriterError
@@ -104,22 +101,13 @@ def make_unit(job: UnitJob, report: Report) -> None:
 
 
 def _fill(job: UnitJob, part: Path, report: Report) -> None:
-    recipe, began_s = job.recipe, 0.0
+    recipe = job.recipe
     sensors = _sensors_of(recipe, job.unit.level)
     encoders = [output.encoder for output in outputs_of(recipe, sensors.streams)]
     weathers = [condition.weather_name for condition in recipe.conditions_of(job.unit.level)]
     names = (SHARED, *weathers)
     counts = {name: SampleCounts() for name in names}
-    compiled_s: list[float] = []
     with ExitStack() as closing:
-
-        def start_clock() -> None:
-            # Not before one instant is done: shaders, scenes and machine code are made once.
-            nonlocal began_s
-            if not began_s:
-                closing.enter_context(event.install_timer("numba:compile", compiled_s.append))
-                began_s = time.process_time()
-
         spools = {name: SpoolWriter(part / f"{name}.spool") for name in names}
         for spool in spools.values():
             closing.callback(spool.drop)
@@ -128,7 +116,6 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
         for at_ns in sensors.recall(job.unit.span_ns):
             _check_stop(job)
             report((at_ns - past[0]) / 1e9)
-            start_clock()
         for begin in range(first, end, STEP_NS):
             _check_stop(job)
             window = (begin, min(begin + STEP_NS, end))
@@ -139,11 +126,9 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
                     for piece in encoder.encode(measured.sample):
                         spools[name].put(measured.order, number, piece)
             report((past[1] - past[0] + window[1] - first) / 1e9)
-            start_clock()
         files = {name: spool.complete() for name, spool in spools.items()}
     summary = {
         "streams": sensors.streams,
-        "cpu_s": time.process_time() - began_s - sum(compiled_s),
         "counts": {name: count.numbers() for name, count in counts.items()},
         "files": {name: asdict(file) for name, file in files.items()},
     }

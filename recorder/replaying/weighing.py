@@ -1,4 +1,4 @@
-"""Estimates a replay anew by its first unit: CPU time, spools, and a second of the sequences."""
+"""Estimates a replay anew by its first unit: spools, a second of the sequences, and the machine's speed."""
 
 import shutil
 from dataclasses import replace
@@ -8,7 +8,7 @@ from carlaloc_env.core.errors import WriterError
 from recorder.dataset.layout import DriveFolder
 from recorder.replaying.conditions import Condition
 from recorder.replaying.cost import SIZE_ERROR, ReplayCost, size_of
-from recorder.replaying.machine_speed import remember_slowness, slowness
+from recorder.replaying.machine_speed import measured_slowness, remember_slowness, slowness
 from recorder.replaying.plan import ReplayPlan
 from recorder.replaying.recipe import Recipe, Unit
 from recorder.replaying.sample_counts import SampleCounts
@@ -18,12 +18,10 @@ from recorder.replaying.unit_work import SHARED, read_summary
 
 WEIGHED_NS = 1_000_000_000
 """Longest stretch that is assembled [ns]."""
-TELLING_S = 15.0
-"""CPU time of a unit from which on it shows how slow the machine is [s]."""
 
 
 def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path) -> ReplayCost:
-    """The cost by what the first unit took, and what a stretch of it takes in every condition's files.
+    """The cost by how fast the machine is now, and what a stretch of it takes in every condition's files.
 
     The machine's slowness is remembered for the next replay. Where nothing else is to come, the cost stays.
 
@@ -35,12 +33,8 @@ def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path
     """
     folder, recipe = units_dir / unit.name, plan.recipe
     summary, of_unit = read_summary(folder), plan.cost_of(unit.level, unit.span_ns)
-    ratio = summary["cpu_s"] / of_unit.made_cpu_s
-    if summary["cpu_s"] < TELLING_S:
-        ratio = 1.0
-    else:
-        # Half of the way, since a rig's own error is in it, too.
-        remember_slowness(slowness() * ratio**0.5)
+    ratio = measured_slowness() / slowness()
+    remember_slowness(ratio * slowness())
     if cost.seen_s <= of_unit.seen_s:
         return cost
     first_ns = max(unit.span_ns[0], recipe.camera_ns[0]) if plan.shows(unit) else unit.span_ns[0]
@@ -57,7 +51,7 @@ def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path
         written_bytes=cost.written_bytes + (weighed - of_part.written_bytes) * cost.seen_s / of_part.seen_s,
         spooled_bytes=cost.spooled_bytes * spooled / of_unit.spooled_bytes,
         size_error=min(cost.size_error, SIZE_ERROR),
-        cpu_s=cost.cpu_s + (ratio - 1.0) * cost.made_cpu_s,
+        cpu_s=ratio * cost.cpu_s,
         weighed_s=(span_ns[1] - span_ns[0]) / 1e9,
     )
 
