@@ -164,7 +164,7 @@ def memory(bench: Bench) -> Row:
         name="memory",
         what="peak memory of the demo, all processes",
         unit="GB",
-        target=2.8,
+        target=2.8,  # the demo has had 2.54 to 2.64 with two processes
         at_least=False,
     )
     if not can_measure():
