@@ -89,17 +89,8 @@ def import_town(
         MapError: A file cannot be read, holds no streets on which one could drive, or heights of elsewhere.
         MissingDependencyError: Heights need rasterio.
     """
-    extract = read_extract(source, box)
-    land = None
-    if heights is not None:
-        land = read_land(heights, extract)
-        place(extract, land.origin_m)
-    features = read_features(extract)
+    extract, land, features = _read(source, box, heights)
     buildings = features.of("building")
-    if len(buildings) > MOST_BUILDINGS:
-        raise MapError(
-            f"{source} has {len(buildings):,} houses; {MOST_BUILDINGS:,} go at once: cut it by --bbox W,S,E,N"
-        )
     country = country_of(extract.geo.longitude_deg, extract.geo.latitude_deg)
     left, evidence = drives_left(extract, country)
     side = f"{'left' if left else 'right'} (by {evidence})"
@@ -151,6 +142,22 @@ def import_town(
         features=geojson(kept, extract),
         report=_report(source, extract, graph, chains, dropped, features, network, country, side, land),
     )
+
+
+def _read(source: Path, box: Box | None, heights: Path | None) -> tuple[Extract, Land | None, Features]:
+    """An extract in its place, the land beneath where heights are given, and what stands on it."""
+    extract = read_extract(source, box)
+    land = None
+    if heights is not None:
+        land = read_land(heights, extract)
+        place(extract, land.origin_m)
+    features = read_features(extract)
+    count = len(features.of("building"))
+    if count > MOST_BUILDINGS:
+        raise MapError(
+            f"{source} has {count:,} houses; {MOST_BUILDINGS:,} go at once: cut it by --bbox W,S,E,N"
+        )
+    return extract, land, features
 
 
 class _Streets:

@@ -124,7 +124,7 @@ def replay_cost(options: ReplayOptions, stretches: Sequence[Stretch], processes:
     panels = sum(weathers if output == "rgb" else 1 for s in cameras[:1] for output in s.outputs[:3])
     stage_s = STAGE_S + CASTING_S * bool(rays_s) + DRAWING_S * bool(cameras)
     written = error = assembled_s = 0.0
-    stages_s, made_s, spools = stage_s * len(stretches) * max(processes, levels), 0.0, []
+    made_s, spools = stage_s * len(stretches) * max(processes, levels), []
     for stretch in stretches:
         spooled = 0.0
         for size in stream_sizes(rig, options.formats, options.topics, skies, stretch):
@@ -156,7 +156,7 @@ def replay_cost(options: ReplayOptions, stretches: Sequence[Stretch], processes:
         written_bytes=written,
         spooled_bytes=max(spools) * min(levels, 1.0 + 2.0 * (processes - 1) * unit_share),
         size_error=max(SIZE_ERROR, error / max(written, 1.0)),
-        cpu_s=slowness() * (COMMAND_S + processes * PROCESS_S + stages_s + made_s + assembled_s),
+        cpu_s=slowness() * (COMMAND_S + processes * PROCESS_S + made_s + assembled_s),
         seen_s=levels * (sum(s.images_s for s in stretches) or sum(s.whole_s for s in stretches)),
         processes=processes,
     )

@@ -21,7 +21,7 @@ WEIGHED_NS = 1_000_000_000
 
 
 def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path) -> ReplayCost:
-    """The cost by how fast the machine is now, and what a stretch of it takes in every condition's files.
+    """The cost by how fast the machine is now, and by what a stretch of the unit takes in all files.
 
     The machine's slowness is remembered for the next replay. Where nothing else is to come, the cost stays.
 
@@ -33,8 +33,9 @@ def weighed_cost(plan: ReplayPlan, cost: ReplayCost, unit: Unit, units_dir: Path
     """
     folder, recipe = units_dir / unit.name, plan.recipe
     summary, of_unit = read_summary(folder), plan.cost_of(unit.level, unit.span_ns)
-    ratio = measured_slowness() / slowness()
-    remember_slowness(ratio * slowness())
+    factor = measured_slowness()
+    ratio = factor / slowness()
+    remember_slowness(factor)
     if cost.seen_s <= of_unit.seen_s:
         return cost
     first_ns = max(unit.span_ns[0], recipe.camera_ns[0]) if plan.shows(unit) else unit.span_ns[0]
