@@ -71,7 +71,7 @@ check: $(READY)
 	@$(BIN)/python .ci/code_lines.py
 	$(BIN)/python .ci/audit.py
 
-bench: $(READY)
+bench: $(PEERS)
 	$(BIN)/python benchmarks/$(if $(AGAINST),against.py $(AGAINST),run.py)
 
 findings: $(READY)

@@ -138,26 +138,34 @@ def _workers(number: int) -> Iterator[Any]:
 
 
 def learn_make(bench: Bench) -> Row:
-    """`gymnasium.make` in a fresh process, imports apart, town and machine code in the cache."""
+    """`gymnasium.make` in a fresh process, town and machine code in the cache, over its imports.
+
+    Seconds alone would be those of the machine.
+    """
     assert bench.town.name == TOWN  # now it is in the cache
     code = (
         "import time, gymnasium, carlaloc_env; began = time.perf_counter(); "
-        f"gymnasium.make('CarlaLoc-{TOWN}-v0', rig='state'); print(time.perf_counter() - began)"
+        "import carlaloc_env.envs.carlaloc_env; imported = time.perf_counter(); "
+        f"gymnasium.make('CarlaLoc-{TOWN}-v0', rig='state'); "
+        "print(imported - began, time.perf_counter() - began)"
     )
     command = [sys.executable, "-c", code]
     found = [
-        float(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[-1])
-        for _ in range(1 + bench.repeat)
+        [float(word) for word in done.stdout.split()[-2:]]
+        for done in (
+            subprocess.run(command, capture_output=True, text=True, check=True)
+            for _ in range(1 + bench.repeat)
+        )
     ]
-    value = float(np.median(found[1:]))
+    imported_s, whole_s = np.median(found[1:], axis=0)
     return Row(
         name="learn_make",
-        what="gymnasium.make from the cache",
-        value=value,
-        unit="s",
-        target=2.0,
+        what="gymnasium.make from the cache, imports included, over these",
+        value=float(whole_s / imported_s),
+        unit="× the imports",
+        target=2.2,
         at_least=False,
-        note=f"the first {found[0]:.1f} s",
+        note=f"{whole_s:.1f} s, the first {found[0][1]:.1f} s",
     )
 
 
