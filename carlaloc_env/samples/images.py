@@ -116,7 +116,7 @@ class PointCloud(Sample):
     intensity: NDArray[np.float32]
     """Return strength 0–255, shape (N,)."""
     ring: NDArray[np.uint16]
-    """Beam index, 0 = lowest, shape (N,)."""
+    """Beam index, 0 = lowest unless the LiDAR has `rings_from_top`; of a Livox its line; shape (N,)."""
     offset_ns: NDArray[np.uint32]
     """Time after `stamp_ns` [ns], non-decreasing, shape (N,)."""
     sweep_ns: int
@@ -127,11 +127,13 @@ class PointCloud(Sample):
     """Instance id, shape (N,); only in the semantic cloud."""
     cos_incidence: NDArray[np.float32] | None = None
     """Cosine between ray and surface normal, shape (N,); only in the semantic cloud."""
+    doppler_mps: NDArray[np.float32] | None = None
+    """Rate of the range [m/s], positive = moving away, shape (N,); only of LiDARs with `doppler`."""
 
     def __post_init__(self) -> None:
         count = len(self.points_xyz_m)
         check_arrays(self, np.float32, (count, 3), "points_xyz_m")
-        check_arrays(self, np.float32, (count,), "intensity", "cos_incidence")
+        check_arrays(self, np.float32, (count,), "intensity", "cos_incidence", "doppler_mps")
         check_arrays(self, np.uint16, (count,), "ring")
         check_arrays(self, np.uint32, (count,), "offset_ns", "instance")
         check_arrays(self, np.uint8, (count,), "tag")

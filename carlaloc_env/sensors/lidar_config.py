@@ -1,32 +1,36 @@
-"""Settings of LiDARs, and the beams of LiDARs that have a name.
+"""Settings of LiDARs.
 
 No ray caster is imported, so that a rig can be read before a scene is loaded.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
 
-from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.lidar_patterns import FanPattern, WedgePattern
+from carlaloc_env.sensors.lidar_presets import (
+    HDL32E_CYCLE_NS,
+    HDL32E_ELEVATIONS_DEG,
+    HDL32E_FIRING_NS,
+    PRESETS,
+)
 from carlaloc_env.sensors.limits import LIMITS
 
 PAPER_ELEVATIONS_DEG: tuple[float, ...] = tuple(round(-30.0 + 40.0 * i / 31, 9) for i in range(32))
 """32 beams evenly from −30° to +10°, as CARLA's LiDAR spaces them [deg]."""
-HDL32E_ELEVATIONS_DEG: tuple[float, ...] = (
-    -30.67, -29.33, -28.0, -26.67, -25.33, -24.0, -22.67, -21.33, -20.0, -18.67, -17.33, -16.0, -14.67,
-    -13.33, -12.0, -10.67, -9.33, -8.0, -6.67, -5.33, -4.0, -2.67, -1.33, 0.0, 1.33, 2.67, 4.0, 5.33,
-    6.67, 8.0, 9.33, 10.67,
-)  # fmt: skip
-"""Beams of the Velodyne HDL-32E [deg]; user manual, page 13."""
-HDL32E_FIRING_NS: tuple[int, ...] = tuple(1152 * (2 * r if r < 16 else 2 * (r - 16) + 1) for r in range(32))
-"""When each beam of the HDL-32E fires in its 46.08 µs cycle [ns]: lower and upper bank alternate."""
 OUTPUTS = ("cloud", "semantic")
 """Streams that a LiDAR can give."""
+LAYOUTS = ("velodyne", "ouster", "ouster_2021", "hesai", "robosense", "livox", "aeva")
+"""Drivers whose messages a bag can have."""
+_PER_BEAM = ("firing_ns", "azimuth_offsets_deg", "origins_m")
 OWN_ROOF_M, OWN_CAR_M = 2.0, 3.0
 """Distances within which a LiDAR on the roof may see the car: roof and rack, bonnet and boot as well [m]."""
 
@@ -108,10 +112,10 @@ class ReceiverConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidarConfig(SensorConfig):
-    """A spinning LiDAR; the defaults are the CARLA-Loc paper's.
+    """A LiDAR that spins, or whose beams follow a pattern; the defaults are the CARLA-Loc paper's.
 
     ``preset: hdl32e`` has the angles, firing order and timing of the Velodyne HDL-32E, its elevations
-    0.02° higher so that none lies on the edge of A-LOAM's ring bins.
+    0.02° higher so that none lies on the edge of A-LOAM's ring bins. docs/lidars.md has all presets.
     """
 
     kind: ClassVar[str] = "lidar"
@@ -122,13 +126,15 @@ class LidarConfig(SensorConfig):
             "elevations_deg": HDL32E_ELEVATIONS_DEG,
             "elevation_offset_deg": 0.02,
             "firing_ns": HDL32E_FIRING_NS,
-            "columns": 1085,
+            "columns": 0,
+            "cycle_ns": HDL32E_CYCLE_NS,
         },
         "hdl32e_road": {
             "elevations_deg": HDL32E_ELEVATIONS_DEG,
             "elevation_offset_deg": 0.02,
             "firing_ns": HDL32E_FIRING_NS,
-            "columns": 1085,
+            "columns": 0,
+            "cycle_ns": HDL32E_CYCLE_NS,
             "range_min_m": 0.3,
             "range_max_m": 100.0,
             "range_noise_m": 0.003,
@@ -138,6 +144,7 @@ class LidarConfig(SensorConfig):
             "roof_rack": True,
             "receiver": ReceiverConfig(),
         },
+        **PRESETS,
     }
 
     name: str = "lidar"
@@ -147,13 +154,25 @@ class LidarConfig(SensorConfig):
     rate_hz: float = 20.0
     """Revolutions per second [Hz]."""
     elevations_deg: tuple[float, ...] = PAPER_ELEVATIONS_DEG
-    """Elevation of each beam, lowest first [deg]."""
+    """Elevation of each beam, lowest first [deg]; with a pattern, before its optics."""
     elevation_offset_deg: float = 0.0
     """Added to every elevation [deg]; +0.02 keeps A-LOAM's ring formula off its bin edges."""
     firing_ns: tuple[int, ...] = ()
     """When each beam fires after its column began [ns]; none = all at once."""
+    azimuth_offsets_deg: tuple[float, ...] = ()
+    """Azimuth of each beam beside its column's, left positive [deg]; none = 0."""
+    origins_m: tuple[tuple[float, float, float], ...] = ()
+    """Where each beam begins, or all of them, in axes that turn with the column: ahead, left, up [m]."""
+    rings_from_top: bool = False
+    """Whether ring 0 is the highest beam, as Ouster's and Hesai's drivers number them, or the lowest."""
     columns: int = 2078
-    """Firings of all beams in one revolution."""
+    """Firings of all beams in one revolution; 0: they follow from `cycle_ns`."""
+    cycle_ns: float = 0.0
+    """Time from column to column [ns], whose number in a revolution need not be whole; 0: from `columns`."""
+    span_deg: float = 360.0
+    """Azimuth that the columns cover from left to right, its middle ahead [deg], 360 = a revolution."""
+    pattern: WedgePattern | FanPattern | None = None
+    """Optics in place of a revolution; every column is then a firing of all lines."""
     range_min_m: float = 1.0
     """Nearest return [m]."""
     range_max_m: float = 120.0
@@ -162,6 +181,12 @@ class LidarConfig(SensorConfig):
     """Standard deviation along the ray [m]."""
     attenuation_per_m: float = 0.004
     """Loss of intensity over distance, exp(−a·R) [1/m]; CARLA's default."""
+    diffuse_intensity: float = 100.0
+    """Intensity of a white surface face on [1]; retro-reflectors lie above it, up to 255."""
+    doppler: bool = False
+    """Whether points have the rate of their range, as FMCW LiDARs measure it."""
+    doppler_noise_mps: float = 0.03
+    """Standard deviation of that rate [m/s]; Aeva states 3 cm/s."""
     drop_weak: bool = False
     """Whether surfaces too dark for their distance give no return."""
     sectors: int = 0
@@ -184,6 +209,8 @@ class LidarConfig(SensorConfig):
     """Echoes as a real sensor measures them; None: as CARLA does, with noise that is the same everywhere."""
     outputs: tuple[str, ...] = OUTPUTS
     """Streams: ``cloud`` (named as the sensor) and ``semantic`` (with ``_semantic`` behind)."""
+    layout: str | None = None
+    """Driver whose message the cloud has in bags beside the project's own; None: none."""
 
     def __post_init__(self) -> None:
         SensorConfig.__post_init__(self)
@@ -192,41 +219,63 @@ class LidarConfig(SensorConfig):
             raise ConfigError(f"{what}: elevations_deg needs angles from −90 to 90")
         if list(self.elevations_deg) != sorted(self.elevations_deg):
             raise ConfigError(f"{what}: list elevations_deg from the lowest to the highest")
-        if self.firing_ns and len(self.firing_ns) != len(self.elevations_deg):
-            raise ConfigError(f"{what}: {len(self.firing_ns)} firing_ns for {len(self.elevations_deg)} beams")
-        column_ns = 1e9 / (self.rate_hz * max(self.columns, 1))
-        if self.firing_ns and not 0 <= min(self.firing_ns) <= max(self.firing_ns) < column_ns:
-            raise ConfigError(f"{what}: firing_ns must lie within one column")
-        if self.columns < 1 or not 0 <= self.range_min_m < self.range_max_m or self.range_noise_m < 0:
-            raise ConfigError(f"{what}: needs columns ≥ 1, 0 ≤ range_min_m < range_max_m, range_noise_m ≥ 0")
+        self._check_beams(what)
+        if not 0 <= self.range_min_m < self.range_max_m or self.range_noise_m < 0:
+            raise ConfigError(f"{what}: needs 0 ≤ range_min_m < range_max_m, range_noise_m ≥ 0")
         fractions = (self.dropoff_general, self.dropoff_intensity_limit, self.dropoff_zero_intensity)
         if not all(0.0 <= fraction <= 1.0 for fraction in fractions) or self.dropoff_intensity_limit == 0.0:
             raise ConfigError(f"{what}: drop-off figures must lie in 0…1, the intensity limit above 0")
-        if self.sectors < 0 or self.divergence_mrad < 0:
-            raise ConfigError(f"{what}: sectors and divergence_mrad must not be negative")
+        if min(self.sectors, self.divergence_mrad, self.doppler_noise_mps) < 0:
+            raise ConfigError(f"{what}: sectors, divergence_mrad, doppler_noise_mps must not be negative")
+        if not 0 <= self.diffuse_intensity <= 255:
+            raise ConfigError(f"{what}: diffuse_intensity is {self.diffuse_intensity:g}; give 0 to 255")
+        if self.layout is not None and self.layout not in LAYOUTS:
+            raise ConfigError(f"{what}: {unknown_name('layout', self.layout, LAYOUTS)}")
         if not self.outputs or set(self.outputs) - set(OUTPUTS):
             raise ConfigError(f"{what}: outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}")
 
+    def _check_beams(self, what: str) -> None:
+        """Refuse beams and columns that do not fit each other."""
+        beams = len(self.elevations_deg)
+        for name in _PER_BEAM:
+            entries = len(getattr(self, name))
+            if entries not in (0, beams) and not (name == "origins_m" and entries == 1):
+                raise ConfigError(f"{what}: {entries} {name} for {beams} beams")
+        if (self.columns > 0) == (self.cycle_ns > 0) or min(self.columns, self.cycle_ns) < 0:
+            raise ConfigError(f"{what}: give columns or cycle_ns, and 0 for the other")
+        column_ns = self.sweep_ns / self.columns_per_sweep
+        if self.firing_ns and not 0 <= min(self.firing_ns) <= max(self.firing_ns) < column_ns:
+            raise ConfigError(f"{what}: firing_ns must lie within one column")
+        if self.columns_per_sweep < 1 or not 0 < self.span_deg <= 360:
+            raise ConfigError(f"{what}: needs a column in a sweep, and span_deg from 0 to 360")
+        if self.sectors and (self.cycle_ns or self.pattern):
+            raise ConfigError(f"{what}: sectors need columns, not cycle_ns or a pattern")
+
     @classmethod
     def file_values(cls, values: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
-        """As for any sensor; ``beams: 64`` spaces that many beams evenly from the lowest to the highest.
+        """As for any sensor; ``beams: 64`` spaces that many beams evenly over a range of elevations.
+
+        The range is that of ``elevations_deg: [low, high]`` beside it, or of the preset. Of `columns` and
+        `cycle_ns`, the one that the file names replaces the other.
 
         Raises:
-            ConfigError: `beams` is no whole number, out of range, or beside `elevations_deg`.
+            ConfigError: `beams` is no whole number, out of range, or beside more than two elevations.
         """
         merged = super(LidarConfig, cls).file_values(values, base)
+        for name, other in (("columns", "cycle_ns"), ("cycle_ns", "columns")):
+            if name in values and other not in values:
+                merged[other] = 0
         if "beams" not in merged:
             return merged
         beams, most = merged.pop("beams"), int(LIMITS["lidar"]["elevations_deg"].high)
         if not isinstance(beams, int) or not 2 <= beams <= most:
             raise ConfigError(f"beams: {beams!r}; give a whole number from 2 to {most}")
-        if "elevations_deg" in values:
-            raise ConfigError("beams and elevations_deg exclude each other; give one of them")
         span_deg = merged.get("elevations_deg", PAPER_ELEVATIONS_DEG)
+        if "elevations_deg" in values and len(span_deg) != 2:
+            raise ConfigError("beside beams give elevations_deg of two figures: [lowest, highest]")
         merged["elevations_deg"] = np.linspace(span_deg[0], span_deg[-1], beams).round(9).tolist()
-        if "firing_ns" not in values:
-            merged["firing_ns"] = ()  # those of another number of beams
-        return merged
+        # Those of another number of beams.
+        return merged | {name: () for name in _PER_BEAM if name not in values}
 
     @property
     def near_m(self) -> float:
@@ -240,6 +289,41 @@ class LidarConfig(SensorConfig):
         return round(1e9 / self.rate_hz)
 
     @property
+    def columns_per_sweep(self) -> Fraction:
+        """Firings of all beams in one sweep; where it is no whole number, sweeps have one more or less."""
+        if self.columns:
+            return Fraction(self.columns)
+        return Fraction(self.sweep_ns / self.cycle_ns).limit_denominator(10_000)
+
+    @property
+    def columns_most(self) -> int:
+        """Columns of the sweep that has the most."""
+        return math.ceil(self.columns_per_sweep)
+
+    @property
+    def rings(self) -> int:
+        """Number of beams; of a pattern, of lines."""
+        return len(self.elevations_deg)
+
+    @property
     def rays(self) -> int:
-        """Rays in one revolution, the most points a cloud can have."""
-        return self.columns * len(self.elevations_deg)
+        """Rays in one sweep, the most points a cloud can have."""
+        return self.columns_most * self.rings
+
+    @property
+    def is_spinning(self) -> bool:
+        """Whether beams of constant elevation go all round, as range pictures and ring formulas assume."""
+        return self.pattern is None and self.span_deg == 360.0
+
+    @property
+    def field_deg(self) -> tuple[float, float]:
+        """Lowest and highest elevation of the field of view [deg]."""
+        if self.pattern is not None:
+            return self.pattern.field_deg
+        low, high = self.elevations_deg[0], self.elevations_deg[-1]
+        return low + self.elevation_offset_deg, high + self.elevation_offset_deg
+
+    @property
+    def width_deg(self) -> float:
+        """Width of the field of view, its middle ahead [deg]."""
+        return self.pattern.width_deg if self.pattern is not None else self.span_deg

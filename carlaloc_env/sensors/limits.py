@@ -37,7 +37,7 @@ LIMITS: dict[str, dict[str, Limit]] = {
     },
     "lidar": {
         "elevations_deg": Limit(low=1, high=256, unit="beams"),
-        "columns": Limit(low=1, high=36_000),
+        "columns": Limit(low=0, high=36_000),
         "rays": Limit(low=1, high=4_000_000),
         "range_max_m": Limit(low=0, high=2000, unit="m"),
     },

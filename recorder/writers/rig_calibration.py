@@ -225,7 +225,7 @@ def _lidar(config: Any, T_base_lidar: Array) -> LidarCalibration:
         T_base_lidar=T_base_lidar,
         rate_hz=config.rate_hz,
         elevations_deg=tuple(e + config.elevation_offset_deg for e in config.elevations_deg),
-        columns=config.columns,
+        columns=config.columns_most,
         range_min_m=config.range_min_m,
         range_max_m=config.range_max_m,
         near_m=config.near_m,

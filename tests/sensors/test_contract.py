@@ -22,7 +22,8 @@ from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar_config import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
+from carlaloc_env.sensors.lidar_presets import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS
 from carlaloc_env.sensors.radar_config import RadarConfig
 from carlaloc_env.sensors.vehicle import SpeedConfig, WheelsConfig
 from carlaloc_env.timeline.timeline import Timeline

@@ -58,21 +58,23 @@ class ScanPattern:
     def __init__(self, config: LidarConfig, world: World) -> None:
         self._config, self._world = config, world
         self._T_base_lidar = config.mount.T_base_sensor
-        columns = np.arange(config.columns)
+        columns = np.arange(config.columns_most)
         firing = np.array(config.firing_ns or [0] * len(config.elevations_deg), dtype=np.int64)
         order = np.argsort(firing, kind="stable")
         self._firing_ns = firing[order]
-        self._column_ns = np.round(columns * config.sweep_ns / config.columns).astype(np.int64)
+        self._column_ns = np.round(columns * config.sweep_ns / config.columns_most).astype(np.int64)
         self._column = np.repeat(columns, len(firing))
-        self.ring = np.tile(order.astype(np.uint16), config.columns)
+        self.ring = np.tile(order.astype(np.uint16), config.columns_most)
         self.directions = self._make_directions(order)
         self._directions_base = transforms.apply(
             transforms.from_rotation(self._T_base_lidar[:3, :3]), self.directions
         )
         if config.sectors:
-            self._column_ns = columns * config.sectors // config.columns * config.sweep_ns // config.sectors
+            self._column_ns = (
+                columns * config.sectors // config.columns_most * config.sweep_ns // config.sectors
+            )
             self._firing_ns = np.zeros_like(self._firing_ns)
-        self._later_s = np.tile(1e-9 * self._firing_ns, config.columns)
+        self._later_s = np.tile(1e-9 * self._firing_ns, config.columns_most)
         self.offset_ns = (self._column_ns[:, None] + self._firing_ns).reshape(-1).astype(np.uint32)
 
     def cast(self, timeline: Timeline, stamp_ns: int, power: Callable[[Hits], Array]) -> Cast:
@@ -93,7 +95,7 @@ class ScanPattern:
             if config.receiver.edge_rays:
                 range_m, material = body.range_m.copy(), body.material.copy()
                 range_m[free], material[free] = free_hits.range_m, free_hits.material
-                edges = np.flatnonzero(on_edges(range_m, material, config.columns)[free])
+                edges = np.flatnonzero(on_edges(range_m, material, config.columns_most)[free])
                 along = part_beams(aimed[edges, 3:].astype(np.float64), config.receiver)
                 mixed, share[free[edges]] = self._mixed(
                     free_hits.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power
@@ -185,7 +187,7 @@ class ScanPattern:
         """Unit directions of all rays in the sensor frame, shape (rays, 3)."""
         config = self._config
         elevation = np.radians(np.array(config.elevations_deg)[order] + config.elevation_offset_deg)
-        columns = (np.arange(config.columns)[:, None] + 0.5) / config.columns
+        columns = (np.arange(config.columns_most)[:, None] + 0.5) / config.columns
         azimuth = math.pi - 2 * math.pi * (columns + self._firing_ns / config.sweep_ns)
         flat = elementary.cos(elevation)
         up = np.broadcast_to(elementary.sin(elevation), azimuth.shape)

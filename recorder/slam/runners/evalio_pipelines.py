@@ -58,7 +58,7 @@ def lidar_params(sequence: SlamSequence, types: Any) -> Any:
     """Beams, columns, rate and the range that is used, as evalio wants them."""
     return types.LidarParams(
         num_rows=len(sequence.lidar.elevations_deg),
-        num_columns=sequence.lidar.columns,
+        num_columns=sequence.lidar.columns_most,
         min_range=sequence.lidar.near_m,
         max_range=100.0,
         rate=sequence.lidar.rate_hz,
@@ -82,7 +82,7 @@ def lidar_measurement(scan: Scan, sequence: SlamSequence, types: Any) -> Any:
     """A full grid of beams and columns, row by row."""
     if scan.ring is None or scan.intensity is None:
         raise ValueError("the clouds have no ring or intensity")
-    rows, columns = len(sequence.lidar.elevations_deg), sequence.lidar.columns
+    rows, columns = len(sequence.lidar.elevations_deg), sequence.lidar.columns_most
     sweep_s = sequence.lidar.sweep_ns * 1e-9
     # Times are float32: one that falls a breath before its column must not take the cell of the last.
     column = np.clip((scan.time_s / sweep_s * columns + 1e-2).astype(int), 0, columns - 1)

@@ -4,7 +4,8 @@ from typing import Any
 
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.lidar_config import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
+from carlaloc_env.sensors.lidar_presets import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS
 
 HEIGHT = 1.85
 """Height of the sensor above the ground [m]."""
