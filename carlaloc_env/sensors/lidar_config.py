@@ -227,8 +227,9 @@ class LidarConfig(SensorConfig):
             raise ConfigError(f"{what}: drop-off figures must lie in 0…1, the intensity limit above 0")
         if min(self.sectors, self.divergence_mrad, self.doppler_noise_mps) < 0:
             raise ConfigError(f"{what}: sectors, divergence_mrad, doppler_noise_mps must not be negative")
-        if not 0 <= self.diffuse_intensity <= 255:
-            raise ConfigError(f"{what}: diffuse_intensity is {self.diffuse_intensity:g}; give 0 to 255")
+        if not 0 <= self.diffuse_intensity <= 255 or (self.receiver and self.diffuse_intensity != 100):
+            given = f"{what}: diffuse_intensity is {self.diffuse_intensity:g}"
+            raise ConfigError(f"{given}; give 0 to 255, and 100 with a receiver, which is Velodyne's")
         if self.layout is not None and self.layout not in LAYOUTS:
             raise ConfigError(f"{what}: {unknown_name('layout', self.layout, LAYOUTS)}")
         if not self.outputs or set(self.outputs) - set(OUTPUTS):

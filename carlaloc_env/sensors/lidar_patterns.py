@@ -18,14 +18,16 @@ FACES = ("entry", "exit")
 class WedgePattern:
     """Risley prisms: wedges that turn one behind the other about the x axis bend each beam by Snell's law.
 
-    A beam enters along the x axis, raised by its own elevation. As in Liu et al., "Low-cost retina-like
-    robotic lidars based on incommensurable scanning" (T-Mech 2022), phases are drawn from the seed.
+    A beam enters along the x axis, raised by its own elevation. The seed draws how long the wedges have
+    turned when a drive begins: their rates may be locked to each other, and their phases with them.
     """
 
     wedge_deg: tuple[float, ...]
     """Angle between the faces of each wedge, in the order of the beam [deg]."""
     turns_hz: tuple[float, ...]
     """Turns of each wedge a second, from y to z positive [Hz]."""
+    phase_deg: tuple[float, ...]
+    """Direction to which the inclined face of each wedge looks in the beginning [deg]."""
     inclined: tuple[str, ...]
     """Inclined face of each wedge, ``entry`` or ``exit``."""
     field_deg: tuple[float, float]
@@ -36,8 +38,8 @@ class WedgePattern:
     """Refractive index of the glass [1]."""
 
     def __post_init__(self) -> None:
-        if not self.wedge_deg or len({len(self.wedge_deg), len(self.turns_hz), len(self.inclined)}) > 1:
-            raise ConfigError("pattern: wedge_deg, turns_hz and inclined need an entry for each wedge")
+        if len({len(v) for v in (self.wedge_deg, self.turns_hz, self.phase_deg, self.inclined)}) > 1:
+            raise ConfigError("pattern: each list needs an entry for each wedge")
         if set(self.inclined) - set(FACES) or self.index < 1.0:
             raise ConfigError("pattern: inclined is 'entry' or 'exit' for each wedge, index at least 1")
 

@@ -1,4 +1,4 @@
-"""Figures of LiDARs that people own, by the makers' manuals and drivers; docs/lidars.md has each one's source.
+"""Figures of LiDARs that people own, by makers' manuals and drivers; docs/lidars.md has the source of each.
 
 Beams are listed from the lowest to the highest. Azimuths are positive to the left, as all angles here, though
 makers count theirs clockwise.
@@ -154,7 +154,8 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "cycle_ns": 25_000.0,
         "pattern": WedgePattern(
             wedge_deg=(27.12, 0.91, 26.50),
-            turns_hz=(131.55, -213.151, -40.80),
+            turns_hz=(131.55, -213.15, -40.80),
+            phase_deg=(0.0, 0.8, 180.0),
             inclined=("entry", "exit", "exit"),
             field_deg=(-38.6, 38.6),
             width_deg=70.6,

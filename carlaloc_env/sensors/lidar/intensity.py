@@ -60,6 +60,7 @@ def strongest_echoes(
     beam_rad: float,
     range_min_m: float,
     power_min: float,
+    white: float = 100.0,
     spray_m: Array | None,
     uniform: Array,
 ) -> tuple[Array, NDArray[np.float32], NDArray[np.bool_]]:
@@ -71,6 +72,7 @@ def strongest_echoes(
         beam_rad: Width of the beam [rad].
         range_min_m: Nearest return [m].
         power_min: Weakest echo that is seen, in the scale ρ·cosθ/R².
+        white: Intensity of a white surface face on.
         spray_m: Where each ray is caught by spray [m], inf where not; None: nowhere.
         uniform: Uniform draws of (0, 1], shape (N, 6).
 
@@ -91,7 +93,7 @@ def strongest_echoes(
     def offer(power: Array, at_m: Array, brightness_m: Array) -> None:
         wins = np.flatnonzero((power > best) & (at_m < surface_m) & (at_m >= range_min_m))
         best[wins], echo_hits_m[wins], airborne[wins] = power[wins], at_m[wins], True
-        strength[wins] = 100.0 * power[wins] * brightness_m[wins] * brightness_m[wins]
+        strength[wins] = white * power[wins] * brightness_m[wins] * brightness_m[wins]
 
     if air.backscatter_per_m_sr > 0:
         fog = _fog_echo(air)
@@ -129,12 +131,13 @@ class EchoModel:
         return 0.1 / receiver.reach_m**2 if receiver else 0.9 / self._config.range_max_m**2
 
     def strength(self, hits: Hits) -> F32:
-        """Return strength 0–255: diffuse surfaces up to 100, retro-reflectors above (Velodyne's scale)."""
+        """Return strength 0–255: diffuse surfaces up to `diffuse_intensity`, retro-reflectors above."""
         if self._rough:
             return np.minimum(100.0 * self.power(hits), 255.0).astype(np.float32)
         strength = np.empty(len(hits), np.float32)
         seen = hits.range_m, hits.material, hits.cos_incidence, hits.tone
-        strengths(*seen, self._reflectance, self._retro, self._config.attenuation_per_m, strength)
+        scale = self._config.diffuse_intensity, self._config.attenuation_per_m
+        strengths(*seen, self._reflectance, self._retro, scale, strength)
         return strength
 
     def power(self, hits: Hits) -> Array:
@@ -192,6 +195,7 @@ class EchoModel:
             beam_rad=1e-3 * (config.divergence_mrad or BEAM_MRAD),
             range_min_m=config.range_min_m,
             power_min=self.power_min,
+            white=config.diffuse_intensity,
             spray_m=spray_m,
             uniform=uniform,
         )

@@ -20,6 +20,8 @@ class PatternRays(NamedTuple):
     """Time between the beginning of its column and the ray [s], (R,)."""
     direction: Array
     """Unit direction in the car's frame, (R, 3)."""
+    origin_m: Array
+    """Where it begins in the car's frame [m], (R, 3); (0, 3): at the sensor."""
 
 
 class ColumnMotion(NamedTuple):
@@ -52,6 +54,8 @@ class ScanHits(NamedTuple):
     """Cosine between ray and normal, (H,)."""
     direction: Array
     """Unit direction of each ray, sensor frame, (R, 3)."""
+    origin_m: Array
+    """Where each ray begins, sensor frame [m], (R, 3); (0, 3): at its origin."""
     noise: Array
     """Standard normal number of each ray, (R,)."""
     ring: NDArray[np.uint16]
@@ -106,6 +110,7 @@ def aim(rays: Index, pattern: PatternRays, lever_m: Array, motion: ColumnMotion,
     column, later_s, local = pattern.column, pattern.later_s, pattern.direction
     position_m, quat_xyzw = motion.position_m, motion.quat_xyzw
     velocity_mps, omega_radps = motion.velocity_mps, motion.omega_radps
+    own_origins = len(pattern.origin_m) > 0
     for row in range(len(rays)):
         ray = rays[row]
         c, dt = column[ray], later_s[ray]
@@ -116,6 +121,8 @@ def aim(rays: Index, pattern: PatternRays, lever_m: Array, motion: ColumnMotion,
             zx, zy, zz = 2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)
         x, y, z = local[ray, 0], local[ray, 1], local[ray, 2]
         ax, ay, az = lever_m[0], lever_m[1], lever_m[2]
+        if own_origins:
+            ax, ay, az = pattern.origin_m[ray, 0], pattern.origin_m[ray, 1], pattern.origin_m[ray, 2]
         if dt > 0.0:
             wx, wy, wz = dt * omega_radps[c, 0], dt * omega_radps[c, 1], dt * omega_radps[c, 2]
             x, y, z = x + (wy * z - wz * y), y + (wz * x - wx * z), z + (wx * y - wy * x)
@@ -136,10 +143,10 @@ def strengths(
     tone: F32,
     reflectance: F32,
     retro: F32,
-    attenuation_per_m: float,
+    scale: tuple[float, float],
     out: F32,
 ) -> None:
-    """Return strength 0–255 of N hits: diffuse surfaces up to 100, retro-reflectors above.
+    """Return strength 0–255 of N hits: diffuse surfaces up to a figure, retro-reflectors above.
 
     Args:
         range_m: Distance, inf where nothing was hit [m], shape (N,).
@@ -148,14 +155,15 @@ def strengths(
         tone: Reflectance at the place over the material's mean, shape (N,).
         reflectance: Diffuse reflectance by material.
         retro: Fraction of retro-reflection by material.
-        attenuation_per_m: Loss of intensity over distance [1/m].
+        scale: Strength of a white surface face on, and loss of intensity over distance [1/m].
         out: Receives the strengths, shape (N,).
     """
+    white, attenuation_per_m = scale
     for i in range(len(range_m)):
         cosine, kind = float(cos_incidence[i]), material[i]
-        strength = 100.0 * reflectance[kind] * tone[i] * cosine
+        strength = white * reflectance[kind] * tone[i] * cosine
         if retro[kind] > 0:
-            strength += 155.0 * retro[kind] * math.sqrt(cosine)
+            strength += (255.0 - white) * retro[kind] * math.sqrt(cosine)
         if strength > 0:
             strength *= elementary_kernels.exp(-attenuation_per_m * range_m[i])
         out[i] = min(strength, 255.0)
@@ -177,6 +185,8 @@ def points_of(kept: Index, hits: ScanHits, noise_scale_m: float, points: PointCo
         distance_m = hits.range_m[hit] + noise_scale_m * hits.noise[ray]
         for k in range(3):
             points.xyz_m[row, k] = hits.direction[ray, k] * distance_m
+            if len(hits.origin_m) > 0:
+                points.xyz_m[row, k] = hits.direction[ray, k] * distance_m + hits.origin_m[ray, k]
         points.intensity[row], points.cos_incidence[row] = hits.intensity[hit], hits.cos_incidence[hit]
         points.ring[row], points.offset_ns[row] = hits.ring[ray], hits.offset_ns[ray]
         points.tag[row], points.instance[row] = hits.tag[hit], hits.instance[hit]

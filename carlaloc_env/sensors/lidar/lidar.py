@@ -1,4 +1,4 @@
-"""Spinning LiDAR: every ray cast at its own time from where the sensor then was.
+"""LiDAR: every ray cast at its own time from where the sensor then was.
 
 A hit is in the sensor's frame at the time of its own ray, as with a real sensor. The plain and the semantic
 cloud come from the same rays and carry the same noise.
@@ -15,11 +15,12 @@ import numpy as np
 from gymnasium import spaces
 
 from carlaloc_env.core import clock
-from carlaloc_env.core.array_types import F32, Array
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.sensors.base import Sensor, World
 from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at
+from carlaloc_env.sensors.lidar.doppler import range_rates
 from carlaloc_env.sensors.lidar.intensity import EchoModel
 from carlaloc_env.sensors.lidar.kernels import (
     ScanHits,
@@ -36,9 +37,10 @@ from carlaloc_env.weather.parameters import WeatherParameters
 
 
 class LidarSensor(Sensor):
-    """Casts one revolution per stamp; rays are ordered by their time, column by column.
+    """Casts one sweep per stamp; rays are ordered by their time, column by column.
 
-    It turns clockwise seen from above; the seam lies straight behind, where the car's own body is.
+    A spinning one turns clockwise seen from above; the seam lies straight behind, where the car's own body
+    is.
     """
 
     config: LidarConfig
@@ -52,7 +54,7 @@ class LidarSensor(Sensor):
         self._pattern = ScanPattern(config, world)
         self._echoes = EchoModel(config)
         self._receiver: Receiver | None = None
-        self._last_cast: tuple[Timeline, int, tuple[Cast, F32]] | None = None
+        self._last_cast: tuple[Timeline, tuple[int, int], tuple[Cast, F32]] | None = None
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Padded rows: x, y, z [m], intensity; semantic: x, y, z [m], cos incidence, instance, tag."""
@@ -89,31 +91,33 @@ class LidarSensor(Sensor):
         cast, strength = self._cast(timeline, stamp_ns)
         beside.join()
         if not config.weather:
-            clouds = self._clouds(stamp_ns, noise, cast, strength)
+            clouds = self._clouds(timeline, stamp_ns, noise, cast, strength)
             return [clouds for _ in weathers]
         seen = (self._in_weather(timeline, stamp_ns, cast, weather) for weather in weathers)
-        return [self._clouds(stamp_ns, noise, *echoes) for echoes in seen]
+        return [self._clouds(timeline, stamp_ns, noise, *echoes) for echoes in seen]
 
     def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[Cast, F32]:
         """Rays of a sweep, what they meet and how strong that is in clear air.
 
-        Asked for again, as under another seed, they are not cast again.
+        Asked for again, as under another seed, they are not cast again; of a pattern the seed turns all rays.
         """
-        last = self._last_cast
-        if last is None or last[0] is not timeline or last[1] != stamp_ns:
+        last, key = self._last_cast, (stamp_ns, self._world.seed if self.config.pattern else 0)
+        if last is None or last[0] is not timeline or last[1] != key:
             cast = self._pattern.cast(timeline, stamp_ns, self._echoes.power)
             # In weather, strengths are worked out together with the echoes.
             strength = np.empty(0, np.float32) if self.config.weather else self._echoes.strength(cast.hits)
-            last = self._last_cast = timeline, stamp_ns, (cast, strength)
+            last = self._last_cast = timeline, key, (cast, strength)
         return last[2]
 
     def _stream_names(self) -> dict[str, str]:
         names = {"cloud": self.config.name, "semantic": f"{self.config.name}_semantic"}
         return {output: names[output] for output in OUTPUTS if output in self.config.outputs}
 
-    def _clouds(self, stamp_ns: int, noise: Array, cast: Cast, intensity: F32) -> list[Sample]:
+    def _clouds(
+        self, timeline: Timeline, stamp_ns: int, noise: Array, cast: Cast, intensity: F32
+    ) -> list[Sample]:
         """Samples of what rays met, those out of range and dropped ones left out."""
-        config, pattern, seed = self.config, self._pattern, self._world.seed
+        config, sweep, seed = self.config, cast.sweep, self._world.seed
         rays, hits, noise_m = cast.rays, cast.hits, config.range_noise_m
         if config.receiver:
             hits, intensity = self._received(stamp_ns, noise, cast, intensity)
@@ -132,12 +136,14 @@ class LidarSensor(Sensor):
             tag=hits.tag,
             instance=hits.instance,
             cos_incidence=hits.cos_incidence,
-            direction=pattern.directions,
+            direction=sweep.directions,
+            origin_m=sweep.origins_m,
             noise=noise,
-            ring=pattern.ring,
-            offset_ns=pattern.offset_ns,
+            ring=sweep.ring,
+            offset_ns=sweep.offset_ns,
         )
         points_of(kept, scan, noise_m, points)
+        doppler_mps = self._dopplers(timeline, stamp_ns, cast, kept) if config.doppler else None
         clouds: list[Sample] = []
         for output, stream in self._stream_names().items():
             labelled = output == "semantic"
@@ -154,9 +160,28 @@ class LidarSensor(Sensor):
                     tag=points.tag if labelled else None,
                     instance=points.instance if labelled else None,
                     cos_incidence=points.cos_incidence if labelled else None,
+                    doppler_mps=doppler_mps,
                 )
             )
         return clouds
+
+    def _dopplers(self, timeline: Timeline, stamp_ns: int, cast: Cast, kept: Index) -> F32:
+        """Measured rates of range of N kept hits [m/s], shape (N,)."""
+        config, sweep, rays, hits = self.config, cast.sweep, cast.rays[kept], cast.hits.take(kept)
+        aimed = self._pattern.aimed(timeline, stamp_ns, sweep, rays)
+        points_m = aimed[:, :3] + self._world.rays().middle_m
+        points_m += aimed[:, 3:] * hits.range_m[:, None].astype(np.float64)
+        motion = timeline.ego_motion(stamp_ns + sweep.column_ns).at_mount(config.mount.T_base_sensor)
+        rates = range_rates(
+            aimed[:, 3:],
+            points_m,
+            hits.instance,
+            stamp_ns + sweep.offset_ns[rays].astype(np.int64),
+            motion.velocity_world_mps[sweep.column[rays]],
+            timeline,
+        )
+        noise = white_noise(self._world.seed, f"{config.name}/doppler", stamp_ns, config.rays)
+        return (rates + config.doppler_noise_mps * noise[rays]).astype(np.float32)
 
     def _received(self, stamp_ns: int, noise: Array, cast: Cast, intensity: F32) -> tuple[Hits, F32]:
         """Hits at their measured ranges, those without an echo at infinity, and measured intensities."""
@@ -164,7 +189,7 @@ class LidarSensor(Sensor):
         assert config.receiver
         if self._receiver is None or self._receiver.seed != seed:
             self._receiver = Receiver(config, config.receiver, seed)
-        ring = self._pattern.ring[cast.rays]
+        ring = cast.sweep.ring[cast.rays]
         hiss = white_noise(seed, f"{config.name}/echo", stamp_ns, config.rays)
         drawn = np.stack([noise[cast.rays], hiss[cast.rays]])
         range_m, measured = self._receiver.measure(ring, cast.hits, cast.share, cast.relief_m, drawn)
@@ -182,7 +207,7 @@ class LidarSensor(Sensor):
         uniform = (1.0 - drawn)[rays]
         spray = None
         if air.wetness > 0 and len(timeline.catalog):
-            aimed = self._pattern.aimed(timeline, stamp_ns, rays)
+            aimed = self._pattern.aimed(timeline, stamp_ns, cast.sweep, rays)
             spray = spray_ranges(
                 aimed[:, :3] + self._world.rays().middle_m,
                 aimed[:, 3:],
@@ -193,6 +218,5 @@ class LidarSensor(Sensor):
                 uniform=uniform[:, 5],
             )
         seen, echo_hits, intensity = self._echoes.in_weather(hits, air, spray, uniform)
-        return Cast(
-            rays=rays[seen], hits=echo_hits, share=cast.share[seen], relief_m=cast.relief_m[seen]
-        ), intensity
+        parts = {"rays": rays[seen], "share": cast.share[seen], "relief_m": cast.relief_m[seen]}
+        return dataclasses.replace(cast, hits=echo_hits, **parts), intensity

@@ -1,4 +1,4 @@
-"""Scan pattern of a spinning LiDAR: directions, times and first hits of the rays of one revolution.
+"""First hits of the rays of one sweep.
 
 A beam that diverges is several rays, whose energies make one echo. With a receiver, only beams on edges are
 cast in parts.
@@ -7,15 +7,11 @@ cast in parts.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Iterator
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.vehicles.roof_rack import roof_rack
-from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
@@ -25,8 +21,10 @@ from carlaloc_env.sensors.lidar.kernels import (
     PatternRays,
     aim,
 )
+from carlaloc_env.sensors.lidar.own_body import OwnBody
 from carlaloc_env.sensors.lidar.receiver import ground_relief
 from carlaloc_env.sensors.lidar.surface_details import surface_details
+from carlaloc_env.sensors.lidar.sweep_rays import RayPattern, SweepRays
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 
@@ -37,6 +35,8 @@ class Cast:
 
     rays: Index
     """Numbers of the rays, shape (M,)."""
+    sweep: SweepRays
+    """All rays of the sweep."""
     hits: Hits
     """First hits, shape (M,)."""
     share: F32
@@ -46,36 +46,14 @@ class Cast:
 
 
 class ScanPattern:
-    """Rays of one scan in the order of their time; those of one column, in that of firing."""
-
-    ring: NDArray[np.uint16]
-    """Beam of each ray, 0 = lowest, shape (rays,)."""
-    offset_ns: NDArray[np.uint32]
-    """Time of each ray after the sweep began [ns], shape (rays,)."""
-    directions: Array
-    """Unit directions in the sensor frame, shape (rays, 3)."""
+    """Casts the rays of one LiDAR."""
 
     def __init__(self, config: LidarConfig, world: World) -> None:
         self._config, self._world = config, world
-        self._T_base_lidar = config.mount.T_base_sensor
-        columns = np.arange(config.columns_most)
-        firing = np.array(config.firing_ns or [0] * len(config.elevations_deg), dtype=np.int64)
-        order = np.argsort(firing, kind="stable")
-        self._firing_ns = firing[order]
-        self._column_ns = np.round(columns * config.sweep_ns / config.columns_most).astype(np.int64)
-        self._column = np.repeat(columns, len(firing))
-        self.ring = np.tile(order.astype(np.uint16), config.columns_most)
-        self.directions = self._make_directions(order)
-        self._directions_base = transforms.apply(
-            transforms.from_rotation(self._T_base_lidar[:3, :3]), self.directions
-        )
-        if config.sectors:
-            self._column_ns = (
-                columns * config.sectors // config.columns_most * config.sweep_ns // config.sectors
-            )
-            self._firing_ns = np.zeros_like(self._firing_ns)
-        self._later_s = np.tile(1e-9 * self._firing_ns, config.columns_most)
-        self.offset_ns = (self._column_ns[:, None] + self._firing_ns).reshape(-1).astype(np.uint32)
+        self.rays = RayPattern(config)
+        """Rays of every sweep."""
+        self._lever_m = config.mount.T_base_sensor[:3, 3]
+        self._body = OwnBody(config, world, is_constant=self.rays.is_constant)
 
     def cast(self, timeline: Timeline, stamp_ns: int, power: Callable[[Hits], Array]) -> Cast:
         """Rays that may return something in a scan, and their first hits.
@@ -86,16 +64,17 @@ class ScanPattern:
             power: Strength of echoes, for beams of more than one ray.
         """
         config = self._config
-        body, free, free_ns = self._own_body
-        world, aimed = self._world.rays(), self.aimed(timeline, stamp_ns, free)
-        stamps_ns = stamp_ns + free_ns
-        share, relief_m = np.ones(config.rays, np.float32), np.zeros(config.rays, np.float32)
+        sweep = self.rays.sweep(stamp_ns, self._world.seed)
+        body, free = self._body.hits(sweep)
+        world, aimed = self._world.rays(), self.aimed(timeline, stamp_ns, sweep, free)
+        stamps_ns = stamp_ns + sweep.offset_ns[free].astype(np.int64)
+        share, relief_m = np.ones(len(sweep), np.float32), np.zeros(len(sweep), np.float32)
         free_hits = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
         if config.receiver:
             if config.receiver.edge_rays:
                 range_m, material = body.range_m.copy(), body.material.copy()
                 range_m[free], material[free] = free_hits.range_m, free_hits.material
-                edges = np.flatnonzero(on_edges(range_m, material, config.columns_most)[free])
+                edges = np.flatnonzero(on_edges(range_m, material, len(sweep.column_ns))[free])
                 along = part_beams(aimed[edges, 3:].astype(np.float64), config.receiver)
                 mixed, share[free[edges]] = self._mixed(
                     free_hits.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power
@@ -112,10 +91,10 @@ class ScanPattern:
             along = sub_rays(aimed[:, 3:].astype(np.float64), 1e-3 * config.divergence_mrad)
             free_hits, _ = self._mixed(free_hits, aimed, along, stamps_ns, timeline, power)
         if not config.ego_returns:
-            return Cast(rays=free, hits=free_hits, share=share[free], relief_m=relief_m[free])
+            return Cast(rays=free, sweep=sweep, hits=free_hits, share=share[free], relief_m=relief_m[free])
         hits = dataclasses.replace(body, **{name: getattr(body, name).copy() for name in body.__slots__})
         hits.put(free, free_hits)
-        return Cast(rays=np.arange(config.rays), hits=hits, share=share, relief_m=relief_m)
+        return Cast(rays=np.arange(len(sweep)), sweep=sweep, hits=hits, share=share, relief_m=relief_m)
 
     def _mixed(
         self,
@@ -145,34 +124,18 @@ class ScanPattern:
         beams = [middle, *(hits.take(part) for part in np.arange(len(rays)).reshape(len(parts), -1))]
         return weigh(beams, power)
 
-    @cached_property
-    def _own_body(self) -> tuple[Hits, Index, NDArray[np.int64]]:
-        """Hits on the car's own body, rays that pass it, and their times after the sweep began [ns].
-
-        They are the same in every sweep, since body and LiDAR are rigid.
-        """
-        origins = np.broadcast_to(self._T_base_lidar[:3, 3], self._directions_base.shape)
-        own = self._world.rays().cast_ego(
-            origins,
-            self._directions_base,
-            self._config.range_max_m,
-            roof_rack() if self._config.roof_rack else None,
-        )
-        free = np.flatnonzero(~np.isfinite(own.range_m))
-        return own, free, self.offset_ns[free].astype(np.int64)
-
-    def aimed(self, timeline: Timeline, stamp_ns: int, rays: Index) -> F32:
-        """Some rays at their own times, as `RayScene.trace` takes them, shape (N, 6).
+    def aimed(self, timeline: Timeline, stamp_ns: int, sweep: SweepRays, rays: Index) -> F32:
+        """Some rays of a sweep at their own times, as `RayScene.trace` takes them, shape (N, 6).
 
         Poses are read at the start of each column; within its few microseconds the motion is
         continued with constant velocity and rate, which is exact to a nanometre.
         """
-        motion = timeline.ego_motion(stamp_ns + self._column_ns)
+        motion = timeline.ego_motion(stamp_ns + sweep.column_ns)
         aimed = np.empty((len(rays), 6), np.float32)
         aim(
             rays,
-            PatternRays(self._column, self._later_s, self._directions_base),
-            self._T_base_lidar[:3, 3],
+            PatternRays(sweep.column, sweep.later_s, sweep.directions_base, sweep.origins_base_m),
+            self._lever_m,
             ColumnMotion(
                 position_m=motion.position_m - self._world.rays().middle_m,
                 quat_xyzw=motion.quat_xyzw,
@@ -182,14 +145,3 @@ class ScanPattern:
             aimed,
         )
         return aimed
-
-    def _make_directions(self, order: NDArray[np.intp]) -> Array:
-        """Unit directions of all rays in the sensor frame, shape (rays, 3)."""
-        config = self._config
-        elevation = np.radians(np.array(config.elevations_deg)[order] + config.elevation_offset_deg)
-        columns = (np.arange(config.columns_most)[:, None] + 0.5) / config.columns
-        azimuth = math.pi - 2 * math.pi * (columns + self._firing_ns / config.sweep_ns)
-        flat = elementary.cos(elevation)
-        up = np.broadcast_to(elementary.sin(elevation), azimuth.shape)
-        along: Array = np.stack([flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), up], axis=-1)
-        return along.reshape(-1, 3)

@@ -1,0 +1,116 @@
+"""Directions of beams that rotating wedges or a nodding mirror bend, each at its own time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from carlaloc_env.core import clock, elementary, elementary_kernels
+from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.jit import compiled, inlined
+from carlaloc_env.sensors.lidar_config import LidarConfig
+from carlaloc_env.sensors.lidar_patterns import FanPattern
+
+_BEGUN_S = 60.0
+"""Wedges have turned at most so long when a drive begins [s]."""
+
+
+def pattern_directions(config: LidarConfig, seed: int, line: Index, time_s: Array) -> Array:
+    """Unit directions of N beams of a pattern in the sensor frame, shape (N, 3).
+
+    Args:
+        config: A LiDAR with a pattern.
+        seed: Draws the phases of all that turns; they go on from sweep to sweep.
+        line: Line of each beam, 0 = the first of `elevations_deg`, shape (N,).
+        time_s: Time of each beam since the drive began [s], shape (N,).
+    """
+    pattern, directions = config.pattern, np.empty((len(time_s), 3))
+    assert pattern is not None
+    line_rad = np.radians(np.array(config.elevations_deg))
+    if isinstance(pattern, FanPattern):
+        phase = clock.stream(seed, f"{config.name}/optics").random(3)
+        share = line_rad / np.abs(line_rad).max()
+        series = (pattern.elevation_deg, pattern.azimuth_deg, pattern.tall_deg, pattern.wide_deg)
+        parts = tuple(np.radians(np.array(values)) for values in series)
+        _fan(share[line], time_s, (pattern.turns_hz, pattern.nods_hz), phase, parts, directions)
+        return directions
+    begun_s = _BEGUN_S * clock.stream(seed, f"{config.name}/optics").random()
+    phase = np.array(pattern.phase_deg) / 360.0 + begun_s * np.array(pattern.turns_hz)
+    exits = np.array([face == "exit" for face in pattern.inclined])
+    lean_rad = np.radians(np.array(pattern.wedge_deg))
+    faces = np.stack([elementary.cos(lean_rad), elementary.sin(lean_rad)], axis=1)
+    wedges = np.array(pattern.turns_hz), faces, exits
+    _wedges(line_rad[line], time_s, wedges, phase, pattern.index, directions)
+    return directions
+
+
+@inlined
+def _turn_rad(turns: float) -> float:
+    """Angle of some turns in 0 to 2π, however many they are [rad]."""
+    return 2.0 * math.pi * (turns - math.floor(turns))
+
+
+@compiled
+def _fan(
+    share: Array,
+    time_s: Array,
+    rates_hz: tuple[float, float],
+    phase: Array,
+    series: tuple[Array, Array, Array, Array],
+    out: Array,
+) -> None:
+    """Directions of a `FanPattern`, whose phases of turn, nod and azimuth are given in turns."""
+    elevation, azimuth, tall, wide = series
+    for i in range(len(time_s)):
+        turn = _turn_rad(rates_hz[0] * time_s[i] + phase[0])
+        nod_sine, nod_cosine = elementary_kernels.sin_cos(_turn_rad(rates_hz[1] * time_s[i] + phase[1]))
+        # Multiples of the nod by the sums of angles.
+        e, a = elevation[0], _turn_rad(phase[2]) - turn
+        sine, cosine = 0.0, 1.0
+        for k in range(max(len(elevation) - 1, len(azimuth))):
+            sine, cosine = sine * nod_cosine + cosine * nod_sine, cosine * nod_cosine - sine * nod_sine
+            if k + 1 < len(elevation):
+                e += elevation[k + 1] * cosine
+            if k < len(azimuth):
+                a += azimuth[k] * sine
+        sine, cosine = elementary_kernels.sin_cos(turn)
+        for _ in range(3):
+            sine, cosine = sine * nod_cosine + cosine * nod_sine, cosine * nod_cosine - sine * nod_sine
+        above, left = 0.0, 0.0
+        for j in range(7):
+            above, left = above + tall[j] * cosine, left + wide[j] * sine
+            sine, cosine = sine * nod_cosine - cosine * nod_sine, cosine * nod_cosine + sine * nod_sine
+        a += share[i] * left / elementary_kernels.cos(e)
+        up, flat = elementary_kernels.sin_cos(e + share[i] * above)
+        sine, cosine = elementary_kernels.sin_cos(a)
+        out[i, 0], out[i, 1], out[i, 2] = flat * cosine, flat * sine, up
+
+
+@compiled
+def _wedges(
+    beam_rad: Array,
+    time_s: Array,
+    wedges: tuple[Array, Array, Array],
+    phase: Array,
+    index: float,
+    out: Array,
+) -> None:
+    """Directions of a `WedgePattern`: Snell's law at both faces of every wedge; phases are in turns."""
+    turns_hz, faces, exits = wedges
+    for i in range(len(time_s)):
+        z, x = elementary_kernels.sin_cos(beam_rad[i])
+        y = 0.0
+        for k in range(len(turns_hz)):
+            sine, cosine = elementary_kernels.sin_cos(_turn_rad(turns_hz[k] * time_s[i] + phase[k]))
+            straight, lean = faces[k, 0], faces[k, 1]
+            for face in range(2):
+                nx, ny, nz = 1.0, 0.0, 0.0
+                if exits[k] == (face == 1):
+                    nx, ny, nz = straight, lean * cosine, lean * sine
+                ratio = 1.0 / index if face == 0 else index
+                along = nx * x + ny * y + nz * z
+                # Along the normal; past the angle of total reflection the beam grazes the face.
+                bent = math.sqrt(max(1.0 - ratio * ratio * (1.0 - along * along), 0.0)) - ratio * along
+                x, y, z = ratio * x + bent * nx, ratio * y + bent * ny, ratio * z + bent * nz
+        out[i, 0], out[i, 1], out[i, 2] = x, y, z
