@@ -70,7 +70,7 @@ class LidarFaults(MountedFaults):
             ghosts = _at_range(xyz, GHOST_MIN_M + uniform("crosstalk", 1) * beyond_m)
             xyz = np.where(ghost[:, None], ghosts, xyz)
             tag = None if tag is None else np.where(ghost, np.uint8(0), tag)
-        arrays = ("intensity", "ring", "offset_ns", "instance", "cos_incidence")
+        arrays = ("intensity", "ring", "offset_ns", "instance", "cos_incidence", "doppler_mps")
         some = {name: value[kept] for name in arrays if (value := getattr(cloud, name)) is not None}
         return replace(cloud, points_xyz_m=xyz[kept], tag=None if tag is None else tag[kept], **some)
 

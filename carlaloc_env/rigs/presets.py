@@ -36,6 +36,7 @@ RIG_USES = {
     "real": "SLAM as on a real car: noise, blur, lens, lost echoes",
     "minimal": "a first look",
     "lidar": "LiDAR SLAM and small files, without OpenGL",
+    "lidars": "LiDARs of five makers beside each other, without OpenGL",
     "state": "agents and drives without cameras and LiDAR",
     "dsec": "event cameras",
 }
@@ -84,6 +85,22 @@ def lidar_rig() -> SensorRig:
     return SensorRig(name="lidar", sensors=(_imu("flu"), _hdl32e(), _gnss(), SpeedConfig()))
 
 
+def lidars_rig() -> SensorRig:
+    """A VLP-16, an OS1-64, a PandarXT-32, a Mid-360 and an Avia on one roof at 10 Hz, IMU, GNSS and speed."""
+    places_m = {
+        "vlp16": (-0.3, 0.5, LIDAR_Z_M),
+        "os1_64": (-0.3, 0.0, LIDAR_Z_M),
+        "pandar_xt32": (-0.3, -0.5, LIDAR_Z_M),
+        "mid360": (-0.9, 0.0, LIDAR_Z_M),
+        "avia": (0.3, 0.0, CAMERA_Z_M),
+    }
+    lidars = (
+        LidarConfig(**{**LidarConfig.preset_values(name), "name": name, "mount": _mount(x, z, left_m=y)})
+        for name, (x, y, z) in places_m.items()
+    )
+    return SensorRig(name="lidars", sensors=(_imu("flu"), *lidars, _gnss(), SpeedConfig()))
+
+
 def state_rig() -> SensorRig:
     """IMU, GNSS and speed: about a hundred steps per second."""
     return SensorRig(name="state", sensors=(_imu("flu"), _gnss(), SpeedConfig()))
@@ -109,6 +126,7 @@ RIGS = {
     "real": real_rig,
     "minimal": minimal_rig,
     "lidar": lidar_rig,
+    "lidars": lidars_rig,
     "state": state_rig,
     "dsec": dsec_rig,
 }

@@ -239,7 +239,7 @@ def add_replay_options(
         default=("rosbag1", "euroc"),
         metavar="A,B",
         help="rosbag1, rosbag1_lz4, rosbag1_bz2, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec, nuscenes, "
-        "colmap, raw (default: rosbag1,euroc)",
+        "colmap, doppler_icp, raw (default: rosbag1,euroc)",
     )
     parser.add_argument(
         "--topics",
@@ -290,7 +290,7 @@ def add_condition_options(
     parser.add_argument(
         "--rig",
         default="paper",
-        help="paper, flu, real, minimal, lidar, state, dsec, or a .yaml file (default: paper)",
+        help="paper, flu, real, minimal, lidar, lidars, state, dsec, or a .yaml file (default: paper)",
     )
     parser.add_argument("--quality", default="medium", help="low, medium or high")
 

@@ -6,7 +6,7 @@ DIR/TOWN/calibration/  ground_truth/                  shared by all sequences of
 DIR/TOWN/WEATHER_TRAFFIC/sequence.yaml  SHA256SUMS    one sequence: its description, its checksums,
     preview.mp4  preview.png                          a film, and one of its images,
     bags, mav0/, kitti/, dsec/, nuscenes/, colmap/,   and its data, in the formats of `FORMATS`
-    raw/
+    doppler_icp/, raw/
 ```
 """
 
@@ -58,6 +58,9 @@ FORMATS = {
     ),
     "colmap": Format(
         about="COLMAP and nerfstudio: pictures, exact poses, seed points, masks, clean plates", place="colmap"
+    ),
+    "doppler_icp": Format(
+        about="Doppler-ICP: points with rates of range, their LiDAR's place and poses", place="doppler_icp"
     ),
     "raw": Format(about="PNG, PLY and npz, a folder or table a stream", place="raw"),
 }

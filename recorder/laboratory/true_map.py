@@ -24,6 +24,8 @@ REACHED_M = 0.05
 """A ray that ends so near a point has reached it [m]: paint and covers lie millimetres above their road."""
 CAMERA_RANGE_M = 200.0
 """Surfaces farther from a camera count as sky [m]."""
+_PATTERN_ROWS = 32
+"""Rows of directions that stand for a pattern."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,19 +65,27 @@ def _camera_field(config: CameraConfig) -> Field:
 
 
 def _lidar_field(config: LidarConfig) -> Field:
+    low_rad, high_rad = np.radians(np.array(config.field_deg))
+    half_rad = 0.5 * np.radians(config.width_deg)
     up_rad = np.radians(np.array(config.elevations_deg) + config.elevation_offset_deg)
+    if config.pattern is not None:
+        up_rad = np.linspace(low_rad, high_rad, _PATTERN_ROWS)
     near_m = config.near_m if config.ego_returns else config.range_min_m
 
     def directions(rays: int) -> Array:
         columns = max(rays // len(up_rad), 1)
-        a, e = (v.ravel() for v in np.meshgrid(np.arange(columns) * (2.0 * np.pi / columns), up_rad))
+        around = np.arange(columns) * (2.0 * half_rad / columns)
+        if half_rad < np.pi:
+            around -= half_rad
+        a, e = (v.ravel() for v in np.meshgrid(around, up_rad))
         return np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1)
 
     def holds(points_m: Array) -> Mask:
         distance = np.sqrt(np.sum(points_m**2, axis=1))
         up = np.arcsin(np.clip(points_m[:, 2] / np.maximum(distance, 1e-9), -1.0, 1.0))
         # Rounding must not put a ray along the outermost beam outside.
-        inside = (up >= up_rad[0] - 1e-6) & (up <= up_rad[-1] + 1e-6)
+        inside = (up >= low_rad - 1e-6) & (up <= high_rad + 1e-6)
+        inside &= np.abs(np.arctan2(points_m[:, 1], points_m[:, 0])) <= half_rad + 1e-6
         return np.asarray(inside & (distance >= near_m) & (distance <= config.range_max_m))
 
     return Field(range_max_m=config.range_max_m, directions=directions, holds=holds)

@@ -57,7 +57,7 @@ class ReplayOptions:
         check_formats(self.formats)
         check_quality(self.quality)
         profile_by_name(self.topics)
-        made = sorted({"kitti", "dsec", "nuscenes", "colmap"} & set(self.formats))
+        made = sorted({"kitti", "dsec", "nuscenes", "colmap", "doppler_icp"} & set(self.formats))
         if self.faults.calibration and made:
             raise ConfigError(
                 f"{made[0]} computes with the calibration, which has faults here; take a rosbag"

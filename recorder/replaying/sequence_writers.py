@@ -26,6 +26,7 @@ from recorder.replaying.sample_counts import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, write_text
 from recorder.writers.calibration.files import calibration_texts, write_calibration
 from recorder.writers.formats.colmap import CLEAN_PLATE, ColmapEncoder, ColmapWriter
+from recorder.writers.formats.doppler_icp import DopplerIcpEncoder, DopplerIcpWriter
 from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
 from recorder.writers.formats.euroc_states import write_state_csv
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
@@ -106,6 +107,8 @@ def outputs_of(
             nuscenes = NuscenesEncoder(calibration, streams)
             options = {"ground": partial(_ground, recipe, condition), "about": about}
             outputs.append(Output(nuscenes, NuscenesWriter, path, options))
+        elif name == "doppler_icp":
+            outputs.append(Output(DopplerIcpEncoder(calibration, streams), DopplerIcpWriter, path))
         elif name == "colmap":
             twins = {"twins": _twins(recipe, condition)}
             outputs.append(Output(ColmapEncoder(calibration, streams), ColmapWriter, path, twins))

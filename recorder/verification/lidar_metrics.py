@@ -20,6 +20,8 @@ COLUMNS = 1085
 """Columns of an HDL-32E at 20 Hz; of denser sweeps every second, third, … column is looked at."""
 _GAP_DEG = 0.2
 """Least gap of elevation between two rings of clouds that do not number them."""
+_SPREAD_DEG = 2.0
+"""Deviation of elevations in a ring above which it is no beam that goes round."""
 _RINGS = (4, 256)
 """Fewest and most rings."""
 _LOW_DEG, _LEVEL_DEG = -22.0, (-4.67, -0.67)
@@ -90,11 +92,23 @@ def sweeps_of(scans: Sequence[Scan]) -> Iterator[Sweep]:
         raise EvaluationError(f"clouds of {count} rings are no spinning LiDAR's; give one with 4 to 256")
     order = np.argsort(ring, kind="stable")
     number, first = np.unique(ring[order], return_index=True)
-    middle = [np.median(part) for part in np.split(elevation[order], first[1:])]
+    parts = np.split(elevation[order], first[1:])
+    middle = [np.median(part) for part in parts]
+    spread = np.median([np.median(np.abs(part - at)) for part, at in zip(parts, middle, strict=True)])
+    if spread > _SPREAD_DEG:
+        raise EvaluationError(
+            "rings lie at no constant elevation, as a Livox's; give a spinning LiDAR's clouds"
+        )
     # A ring that never answers lies between its neighbours.
     of_ring = np.interp(np.arange(count), number, middle)
     for scan, mine in zip(scans, rings, strict=True):
         yield _grid(scan, mine, of_ring)
+
+
+def is_like_hdl32e(elevation_deg: Array) -> bool:
+    """Whether rings at these elevations are those of an HDL-32E, of which the highest may never answer."""
+    low, high = elevation_deg.min(), elevation_deg.max()
+    return bool(28 <= len(elevation_deg) <= 32 and abs(low + 30.67) < 3.0 and 5.0 < high < 12.0)
 
 
 def _rings(scan: Scan) -> NDArray[np.int64]:

@@ -27,7 +27,7 @@ from recorder.dataset.lidar_topics import cloud_connections, of_one_frame
 from recorder.dataset.point_times import time_rule
 from recorder.dataset.scans import Scan, scans_of
 from recorder.verification.imu_metrics import ImuLog, imu_metrics
-from recorder.verification.lidar_metrics import lidar_metrics
+from recorder.verification.lidar_metrics import is_like_hdl32e, lidar_metrics, sweeps_of
 from recorder.verification.picture_metrics import REAL_PICTURES, picture_metrics
 from recorder.verification.real_ranges import (
     COMMA_SOURCE,
@@ -151,8 +151,13 @@ def _of_bag(path: Path, reader: AnyReader, lidar: str | None, camera: str | None
 
 def _of_clouds(path: Path, reader: AnyReader, topic: str | None) -> tuple[str, tuple[RealismMetric, ...]]:
     chosen, scans = _scans(path, reader, topic)
-    metrics = _metrics("lidar", lidar_metrics(scans), REAL_LIDAR, LIDAR_SOURCE)
-    return f"{chosen[0].topic}, {len(scans)} sweeps", metrics
+    elevation_deg = next(sweeps_of(scans)).elevation_deg
+    read, alike = f"{chosen[0].topic}, {len(scans)} sweeps", is_like_hdl32e(elevation_deg)
+    metrics = _metrics("lidar", lidar_metrics(scans), REAL_LIDAR if alike else {}, LIDAR_SOURCE)
+    if not alike:
+        low, high = elevation_deg.min(), elevation_deg.max()
+        read += f"; {len(elevation_deg)} rings, {low:.0f} to {high:.0f} deg: the real ranges are an HDL-32E's"
+    return read, metrics
 
 
 def _of_images(reader: AnyReader, images: list[Connection]) -> tuple[str, tuple[RealismMetric, ...]]:

@@ -95,7 +95,7 @@ class ImuCalibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LidarCalibration:
-    """A spinning LiDAR."""
+    """A LiDAR."""
 
     name: str = "lidar"
     """Name of the sensor, its plain stream and its frame."""
@@ -104,9 +104,13 @@ class LidarCalibration:
     rate_hz: float = 20.0
     """Revolutions per second [Hz]."""
     elevations_deg: tuple[float, ...] = (-30.0, 10.0)
-    """Elevation of each beam, lowest first [deg]."""
+    """Elevation of each beam, lowest first [deg]; of a pattern, before its optics."""
     columns: int = 2078
-    """Firings of all beams in one revolution."""
+    """Firings of all beams in one revolution, the most of one."""
+    is_spinning: bool = True
+    """Whether beams of constant elevation go all round."""
+    doppler: bool = False
+    """Whether points have the rate of their range."""
     range_min_m: float = 1.0
     """Nearest return [m]."""
     range_max_m: float = 120.0
@@ -226,6 +230,8 @@ def _lidar(config: Any, T_base_lidar: Array) -> LidarCalibration:
         rate_hz=config.rate_hz,
         elevations_deg=tuple(e + config.elevation_offset_deg for e in config.elevations_deg),
         columns=config.columns_most,
+        is_spinning=config.is_spinning,
+        doppler=config.doppler,
         range_min_m=config.range_min_m,
         range_max_m=config.range_max_m,
         near_m=config.near_m,

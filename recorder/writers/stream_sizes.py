@@ -59,6 +59,7 @@ FILE_BYTES: dict[str, dict[type[Sample], Size]] = {
     "dsec": {Events: 0.4, DepthImage: 0.2},
     "nuscenes": {Image: (0.268, 0.22, 0.111, 0.388), PointCloud: 20.0},
     "colmap": {Image: _COLOUR, DepthImage: 0.28, SemanticImage: 0.01},
+    "doppler_icp": {PointCloud: 16.0},
     "raw": {
         Image: _COLOUR, DepthImage: 2.5, SemanticImage: 0.045, FlowImage: 4.0, NormalImage: 6.0, Events: 0.37,
         PointCloud: 24.5,
@@ -161,7 +162,7 @@ def stream_sizes(
         yield StreamSize(name, None, other * len(skies), other, is_sure=False)
         for kind, stream, count, fired in streams:
             # Of a LiDAR's two clouds, these hold the one with labels.
-            if name in ("kitti", "nuscenes") and f"{stream}_semantic" in names:
+            if name in ("kitti", "nuscenes", "doppler_icp") and f"{stream}_semantic" in names:
                 continue
             for number, sky in enumerate(skies):
                 whole, packed = _element_bytes(topics, name, kind, stream, names, sky)

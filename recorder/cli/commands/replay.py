@@ -45,9 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
+    from carlaloc_env.rigs.notes import rig_notes
     from recorder.episode.episode import Episode
     from recorder.replaying.cost import size_of
-    from recorder.replaying.options import ReplayConfig
+    from recorder.replaying.options import ReplayConfig, rig_of
     from recorder.replaying.replay import replay
     from recorder.replaying.start_at_rest import motion_at_start_of
 
@@ -66,6 +67,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         cost = replace(cost, written_bytes=count * cost.written_bytes, cpu_s=count * cost.cpu_s)
         cost.check(config.out, kept_bytes=size_of(config.out))
         announced(cost)
+        if not known:
+            for note in rig_notes(rig_of(config)):
+                announced(f"note: {note}")
         if not known and (
             note := motion_at_start_of(Episode.load(config.episode).timeline(), config.start_s)
         ):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import GRAVITY_MPS2
+from carlaloc_env.core.errors import EvaluationError
 from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import SlamSequence
 from recorder.slam.system import FrameClock, StampedPose
@@ -25,9 +26,15 @@ _POINT = np.dtype(
 
 
 def run_pipeline(sequence: SlamSequence, clock: FrameClock, pipeline: str) -> list[StampedPose]:
-    """Poses of the IMU by one of evalio's pipelines, by the name of its class."""
+    """Poses of the IMU by one of evalio's pipelines, by the name of its class.
+
+    Raises:
+        EvaluationError: the LiDAR does not spin.
+    """
     from evalio import pipelines, types
 
+    if not sequence.lidar.is_spinning:
+        raise EvaluationError(f"{pipeline} takes rows of beams that go all round; give a spinning LiDAR")
     system = getattr(pipelines, pipeline)()
     system.set_lidar_params(lidar_params(sequence, types))
     system.set_imu_params(imu_params(sequence, types))
@@ -57,7 +64,7 @@ def run_pipeline(sequence: SlamSequence, clock: FrameClock, pipeline: str) -> li
 def lidar_params(sequence: SlamSequence, types: Any) -> Any:
     """Beams, columns, rate and the range that is used, as evalio wants them."""
     return types.LidarParams(
-        num_rows=len(sequence.lidar.elevations_deg),
+        num_rows=sequence.lidar.rings,
         num_columns=sequence.lidar.columns_most,
         min_range=sequence.lidar.near_m,
         max_range=100.0,
@@ -82,12 +89,13 @@ def lidar_measurement(scan: Scan, sequence: SlamSequence, types: Any) -> Any:
     """A full grid of beams and columns, row by row."""
     if scan.ring is None or scan.intensity is None:
         raise ValueError("the clouds have no ring or intensity")
-    rows, columns = len(sequence.lidar.elevations_deg), sequence.lidar.columns_most
-    sweep_s = sequence.lidar.sweep_ns * 1e-9
+    lidar = sequence.lidar
+    rows, columns = lidar.rings, lidar.columns_most
+    column_s = 1e-9 * lidar.sweep_ns / float(lidar.columns_per_sweep)
     # Times are float32: one that falls a breath before its column must not take the cell of the last.
-    column = np.clip((scan.time_s / sweep_s * columns + 1e-2).astype(int), 0, columns - 1)
+    column = np.clip((scan.time_s / column_s + 1e-2).astype(int), 0, columns - 1)
     grid = np.zeros((rows, columns), _POINT)
-    grid["t"] = np.rint(np.arange(columns) * sweep_s / columns * 1e9)
+    grid["t"] = np.rint(np.arange(columns) * column_s * 1e9)
     points = np.zeros(len(column), _POINT)
     points["x"], points["y"], points["z"] = scan.points_xyz_m.T
     points["intensity"] = scan.intensity

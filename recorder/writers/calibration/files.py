@@ -30,9 +30,9 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
 
     ``extrinsics.yaml`` always. An IMU, with cameras: Kalibr's files and, where it has a model for their
     lenses, Basalt's. Two cameras in two places: ORB-SLAM3's and VINS-Fusion's, with an IMU as well their
-    inertial ones, OpenVINS's and S-MSCKF's. A LiDAR: KISS-ICP's and, of 16, 32 or 64 beams, A-LOAM's; with an
-    IMU FAST-LIO2's, LIO-SAM's, RKO-LIO's and, of several beams, LeGO-LOAM's with notes. Systems of
-    ROS 1 get launch files.
+    inertial ones, OpenVINS's and S-MSCKF's. A LiDAR: KISS-ICP's, with an IMU FAST-LIO2's and RKO-LIO's. One
+    that spins: A-LOAM's, of 16, 32 or 64 beams; with an IMU LIO-SAM's and, of several beams, LeGO-LOAM's with
+    notes. Systems of ROS 1 get launch files.
 
     Args:
         folder: Where the files go.
@@ -66,7 +66,9 @@ def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, st
 def _file_names(rig: RigCalibration) -> list[str]:
     """Names of the files that the rig's sensors allow."""
     imu, lidar, stereo = rig.imu is not None, rig.lidar is not None, _has_stereo(rig)
-    beams_deg = rig.lidar.elevations_deg if rig.lidar is not None else ()
+    # Others compute rings or range pictures of beams that go all round.
+    is_spinning = rig.lidar is not None and rig.lidar.is_spinning
+    beams_deg = rig.lidar.elevations_deg if rig.lidar is not None and is_spinning else ()
     # It divides by the angle between beams.
     lego = imu and len(set(beams_deg)) > 1
     files = (
@@ -92,7 +94,7 @@ def _file_names(rig: RigCalibration) -> list[str]:
         (len(beams_deg) in _A_LOAM_BEAMS, "a_loam.launch"),
         (lidar and imu, "fast_lio.yaml"),
         (lidar and imu, "fast_lio.launch"),
-        (lidar and imu, "lio_sam.yaml"),
+        (is_spinning and imu, "lio_sam.yaml"),
         (lidar and imu, "rko_lio.yaml"),
         (lego, "lego_loam.launch"),
         (lego, "lego_loam.md"),

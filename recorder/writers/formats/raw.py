@@ -122,13 +122,15 @@ def _npz(arrays: dict[str, NDArray[Any]]) -> bytes:
 
 
 def _ply(sample: PointCloud) -> bytes:
-    """Binary PLY: position [m], intensity, ring, time after the sweep's beginning [ns], tag and instance."""
+    """Binary PLY: position [m], intensity, ring, time after the sweep's beginning [ns], Doppler, labels."""
     columns: list[tuple[str, str, NDArray[Any]]] = [
         *((axis, "<f4", sample.points_xyz_m[:, k]) for k, axis in enumerate("xyz")),
         ("intensity", "<f4", sample.intensity),
         ("ring", "<u2", sample.ring),
         ("offset_ns", "<i4", sample.offset_ns),
     ]
+    if sample.doppler_mps is not None:
+        columns.append(("doppler_mps", "<f4", sample.doppler_mps))
     if sample.tag is not None:
         columns.append(("tag", "|u1", sample.tag))
     if sample.instance is not None:

@@ -1,0 +1,99 @@
+"""Sequences as Doppler-ICP reads them (Hexsel et al., "DICP", RSS 2022; github.com/aevainc/Doppler-ICP).
+
+Points lie where they were seen at the beginning of their sweep; rates of range are those of their own times.
+"""
+
+import json
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.samples import PointCloud, Sample
+from recorder.evaluation.trajectory_files import tum_text
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, close_unfinished
+from recorder.writers.formats.ego_path import FollowingWriter, is_pose, pose_piece
+from recorder.writers.rig_calibration import RigCalibration
+
+_ROW = np.dtype([("xyz", "<f4", 3), ("doppler_mps", "<f4"), ("offset_ns", "<u4")])
+
+
+class DopplerIcpEncoder(Encoder):
+    """Points with their rates of range, and poses.
+
+    Args:
+        calibration: The rig; its first LiDAR must measure rates.
+        streams: Names of all streams that will come.
+        epoch_ns: Unix time of the drive's beginning [ns].
+
+    Raises:
+        WriterError: it does not.
+    """
+
+    def __init__(
+        self, calibration: RigCalibration, streams: tuple[str, ...], *, epoch_ns: int = DEFAULT_EPOCH_NS
+    ) -> None:
+        super().__init__(epoch_ns=epoch_ns)
+        if calibration.lidar is None or not calibration.lidar.doppler:
+            raise WriterError("the doppler_icp format needs a LiDAR first that has `doppler: true`")
+        self.lidar = calibration.lidar
+        self._cloud = self.lidar.name if self.lidar.name in streams else f"{self.lidar.name}_semantic"
+
+    def encode(self, sample: Sample) -> list[Piece]:
+        """Clouds and poses as rows of numbers."""
+        if is_pose(sample):
+            return [pose_piece(sample)]
+        if not isinstance(sample, PointCloud) or sample.sensor != self._cloud:
+            return []
+        rows = np.zeros(len(sample.ring), _ROW)
+        rows["xyz"], rows["offset_ns"] = sample.points_xyz_m, sample.offset_ns
+        rows["doppler_mps"] = sample.doppler_mps
+        return [Piece(sample.stamp_ns, "cloud", str(sample.sweep_ns), rows.tobytes())]
+
+
+class DopplerIcpWriter(FollowingWriter):
+    """Clouds, the LiDAR's place on the car, and its true poses relative to the first.
+
+    Files are ``point_clouds/%05d.bin`` (x, y, z [m], rate of range [m/s, positive = moving away] as float32),
+    ``calibration.json`` and ``ref_poses.txt`` (TUM, from 0 s on).
+    """
+
+    encoder: DopplerIcpEncoder
+
+    def _begin(self, part: Path) -> None:
+        (part / "point_clouds").mkdir(parents=True)
+        T, names = self.encoder.lidar.T_base_lidar, "xyzw"
+        place = {
+            "translation": dict(zip(names, T[:3, 3].tolist(), strict=False)),
+            "quaternion": dict(zip(names, transforms.matrix_to_quat(T[:3, :3]).tolist(), strict=True)),
+        }
+        (part / "calibration.json").write_text(json.dumps({"T_V_to_S": place}, indent=2) + "\n")
+        self._poses: TextIO = (part / "ref_poses.txt").open("x", encoding="utf-8")
+        self._count, self._first_ns, self._T_first_world = 0, 0, np.eye(4)
+
+    def _put(self, piece: Piece) -> None:
+        T_base_lidar, rows = self.encoder.lidar.T_base_lidar, np.frombuffer(piece.data, _ROW)
+        T_world_lidar: Array = self._path.T_world_base(piece.stamp_ns) @ T_base_lidar
+        if not self._count:
+            self._first_ns, self._T_first_world = piece.stamp_ns, transforms.invert(T_world_lidar)
+        self._count += 1
+        seen_ns = piece.stamp_ns + rows["offset_ns"].astype(np.int64)
+        in_world = self._path.to_world(rows["xyz"].astype(np.float64), seen_ns, T_base_lidar)
+        points = transforms.apply(transforms.invert(T_world_lidar), in_world)
+        table = np.column_stack([points, rows["doppler_mps"]]).astype("<f4")
+        (self._part / "point_clouds" / f"{self._count:05d}.bin").write_bytes(table.tobytes())
+        T = self._T_first_world @ T_world_lidar
+        quat = transforms.matrix_to_quat(T[:3, :3])
+        stamp_ns = np.array([piece.stamp_ns - self._first_ns])
+        self._poses.write(tum_text(stamp_ns, T[None, :3, 3], quat[None]))
+        self._path.forget_before(piece.stamp_ns)
+
+    def _finish(self) -> None:
+        self._put_last()
+        self._poses.close()
+
+    def _drop(self) -> None:
+        close_unfinished([self._poses])
