@@ -213,8 +213,10 @@ class LidarConfig(SensorConfig):
     """Driver whose message the cloud has in bags beside the project's own; None: none."""
 
     def __post_init__(self) -> None:
-        SensorConfig.__post_init__(self)
         what = f"LiDAR '{self.name}'"
+        if (self.columns > 0) == (self.cycle_ns > 0) or min(self.columns, self.cycle_ns) < 0:
+            raise ConfigError(f"{what}: give columns or cycle_ns, and 0 for the other")
+        SensorConfig.__post_init__(self)
         if not self.elevations_deg or any(abs(e) > 90 for e in self.elevations_deg):
             raise ConfigError(f"{what}: elevations_deg needs angles from −90 to 90")
         if list(self.elevations_deg) != sorted(self.elevations_deg):
@@ -242,8 +244,6 @@ class LidarConfig(SensorConfig):
             entries = len(getattr(self, name))
             if entries not in (0, beams) and not (name == "origins_m" and entries == 1):
                 raise ConfigError(f"{what}: {entries} {name} for {beams} beams")
-        if (self.columns > 0) == (self.cycle_ns > 0) or min(self.columns, self.cycle_ns) < 0:
-            raise ConfigError(f"{what}: give columns or cycle_ns, and 0 for the other")
         column_ns = self.sweep_ns / self.columns_per_sweep
         if self.firing_ns and not 0 <= min(self.firing_ns) <= max(self.firing_ns) < column_ns:
             raise ConfigError(f"{what}: firing_ns must lie within one column")

@@ -171,7 +171,7 @@ def test_a_rig_extends_another_by_what_differs(tmp_path: Path) -> None:
     step_deg = np.diff(after.elevations_deg)
     assert len(after.elevations_deg) == 64
     assert step_deg == pytest.approx(np.full(63, (10.67 + 30.67) / 63))
-    assert (after.columns, after.elevation_offset_deg, after.firing_ns) == (1085, 0.02, ())
+    assert (after.columns_most, after.elevation_offset_deg, after.firing_ns) == (1085, 0.02, ())
     assert [s for s in high.sensors if s.kind != "lidar"] == [s for s in plain.sensors if s.kind != "lidar"]
     assert SensorRig.from_yaml(high.to_yaml()) == high
 
@@ -195,7 +195,7 @@ def test_an_extended_rig_keeps_axes_and_gets_sensors() -> None:
         ("extend: lidar", "did you mean 'extends'"),
         ("extends: lidar\nsensors: [{kind: lidar, beam: 64}]", "unknown key 'beam'|no key 'beam'"),
         ("extends: lidar\nsensors: [{kind: lidar, beams: many}]", "give a whole number from 2 to 256"),
-        ("sensors: [{kind: lidar, beams: 8, elevations_deg: [0]}]", "exclude each other"),
+        ("sensors: [{kind: lidar, beams: 8, elevations_deg: [0]}]", "of two figures"),
     ],
 )
 def test_mistakes_in_an_extension_are_named(text: str, message: str) -> None:

@@ -80,7 +80,7 @@ class RayPattern:
             column_ns = columns * config.sectors // config.columns * config.sweep_ns // config.sectors
             firing_ns = np.zeros_like(firing_ns)
         ring = (config.rings - 1 - self._order) if config.rings_from_top else self._order
-        directions, origins_m = np.empty((config.rays, 3)), np.empty((0, 3))
+        directions, origins_m = np.zeros((config.rays, 3)), np.empty((0, 3))
         if config.pattern is None:
             directions, origins_m = self._beams(columns)
         return SweepRays(

@@ -5,7 +5,6 @@ Points lie where they were seen at the beginning of their sweep; rates of range 
 
 import json
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import PointCloud, Sample
 from recorder.evaluation.trajectory_files import tum_text
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, close_unfinished
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece
 from recorder.writers.formats.ego_path import FollowingWriter, is_pose, pose_piece
 from recorder.writers.rig_calibration import RigCalibration
 
@@ -71,29 +70,29 @@ class DopplerIcpWriter(FollowingWriter):
             "quaternion": dict(zip(names, transforms.matrix_to_quat(T[:3, :3]).tolist(), strict=True)),
         }
         (part / "calibration.json").write_text(json.dumps({"T_V_to_S": place}, indent=2) + "\n")
-        self._poses: TextIO = (part / "ref_poses.txt").open("x", encoding="utf-8")
-        self._count, self._first_ns, self._T_first_world = 0, 0, np.eye(4)
+        self._stamps_ns: list[int] = []
+        self._poses: list[Array] = []
 
     def _put(self, piece: Piece) -> None:
         T_base_lidar, rows = self.encoder.lidar.T_base_lidar, np.frombuffer(piece.data, _ROW)
         T_world_lidar: Array = self._path.T_world_base(piece.stamp_ns) @ T_base_lidar
-        if not self._count:
-            self._first_ns, self._T_first_world = piece.stamp_ns, transforms.invert(T_world_lidar)
-        self._count += 1
+        self._stamps_ns.append(piece.stamp_ns)
+        self._poses.append(T_world_lidar)
         seen_ns = piece.stamp_ns + rows["offset_ns"].astype(np.int64)
         in_world = self._path.to_world(rows["xyz"].astype(np.float64), seen_ns, T_base_lidar)
         points = transforms.apply(transforms.invert(T_world_lidar), in_world)
         table = np.column_stack([points, rows["doppler_mps"]]).astype("<f4")
-        (self._part / "point_clouds" / f"{self._count:05d}.bin").write_bytes(table.tobytes())
-        T = self._T_first_world @ T_world_lidar
-        quat = transforms.matrix_to_quat(T[:3, :3])
-        stamp_ns = np.array([piece.stamp_ns - self._first_ns])
-        self._poses.write(tum_text(stamp_ns, T[None, :3, 3], quat[None]))
+        (self._part / "point_clouds" / f"{len(self._poses):05d}.bin").write_bytes(table.tobytes())
         self._path.forget_before(piece.stamp_ns)
 
     def _finish(self) -> None:
         self._put_last()
-        self._poses.close()
+        text = ""
+        if self._poses:
+            T = transforms.invert(self._poses[0]) @ np.array(self._poses)
+            after_ns = np.array(self._stamps_ns) - self._stamps_ns[0]
+            text = tum_text(after_ns, T[:, :3, 3], transforms.matrix_to_quat(T[:, :3, :3]))
+        (self._part / "ref_poses.txt").write_text(text, encoding="utf-8")
 
     def _drop(self) -> None:
-        close_unfinished([self._poses])
+        """No file is open."""
