@@ -17,7 +17,7 @@ from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.rigs.memory import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
 from carlaloc_env.rigs.presets import RIGS
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig
-from carlaloc_env.sensors.lidar_config import ReceiverConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig, ReceiverConfig
 from carlaloc_env.sensors.limits import LIMITS, RATE, SENSORS_MAX
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 
@@ -29,8 +29,9 @@ HEAD = """\
 
 A rig is a list of the configurations below, in Python (`carlaloc_env.SensorRig`) or in YAML
 ([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
-divides 200. [Conventions](conventions.md) has frames, units and signs, [topics](topics.md) the messages. In
-YAML, `preset: name` takes the values of a variant; the file's own values override them.
+divides 200. [Conventions](conventions.md) has frames, units and signs, [topics](topics.md) the messages, and
+[LiDARs](lidars.md) those that have a name. In YAML, `preset: name` takes the values of a variant; the file's
+own values override them.
 
 ## Rigs
 
@@ -60,8 +61,11 @@ Three properties of the world concern all rigs:
   surfaces agree.
 * **The sun** has a disc and an aureole (Buie et al. 2003), which saturate pictures that look there.
 """
-PARTS = {"Mount": Mount, "Pinhole": Pinhole, "ReceiverConfig": ReceiverConfig}
-"""Configurations that others hold."""
+PARTS = (
+    *(Mount(), Pinhole(), ReceiverConfig()),
+    *(LidarConfig.presets[name]["pattern"] for name in ("avia", "mid360")),
+)
+"""Configurations that others hold: by default, patterns of the Avia and the Mid-360."""
 
 
 def page() -> str:
@@ -71,7 +75,7 @@ def page() -> str:
     own = {kind: cls for kind, cls in SENSOR_KINDS.items() if cls.__module__.startswith("carlaloc_env.")}
     parts += [_sensor(kind, config) for kind, config in own.items()]
     parts.append("## Parts of configurations\n")
-    parts += [f"### {name}\n\n{_doc(cls)}\n\n{_parameters(cls)}" for name, cls in PARTS.items()]
+    parts += [f"### {type(part).__name__}\n\n{_doc(type(part))}\n\n{_parameters(part)}" for part in PARTS]
     parts.append(_limits())
     parts.append('## Samples\n\n`Rig.measure` and `info["samples"]` return these (`carlaloc_env.samples`).\n')
     parts += [_sample(cls) for cls in sample_classes()]
@@ -152,7 +156,7 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
             f"\nValues: {_doc(type(sensor).streams)}\n",
             _presets(cls),
             "**Parameters.**\n",
-            _parameters(cls),
+            _parameters(cls()),
         ]
     )
 
@@ -210,9 +214,10 @@ def _sample(cls: type[samples.Sample]) -> str:
     return "\n".join([f"### {cls.__name__}\n\n{_doc(cls)}\n", "| field | meaning |", "|---|---|", *rows, ""])
 
 
-def _parameters(cls: type[Any]) -> str:
-    plain = to_mapping(cls())
-    rows = [f"| `{name}` | {_value(plain[name])} | {doc} |" for name, doc in field_docs(cls).items()]
+def _parameters(config: Any) -> str:
+    plain = to_mapping(config)
+    docs = field_docs(type(config)).items()
+    rows = [f"| `{name}` | {_value(plain[name])} | {doc} |" for name, doc in docs]
     return "\n".join(["| parameter | default | meaning |", "|---|---|---|", *rows, ""])
 
 
@@ -223,7 +228,7 @@ def _value(value: Any) -> str:
         return ", ".join(f"{key} {_value(item)}" for key, item in value.items())
     value = list(value) if isinstance(value, tuple) else value
     if isinstance(value, list) and len(value) > 6:
-        return f"{len(value)} values, {value[0]:g} … {value[-1]:g}"
+        return f"{len(value)} values, {_value(value[0])} … {_value(value[-1])}"
     if isinstance(value, list):
         return f"[{', '.join(_value(item) for item in value)}]"
     return f"{value:g}" if isinstance(value, float) else str(value)

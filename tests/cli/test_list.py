@@ -49,6 +49,28 @@ def test_a_file_of_a_rig_is_checked(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "did you mean 'rate_hz'" in capsys.readouterr().err
 
 
+def test_places_of_a_rigs_sensors_are_listed_and_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A line for each sensor, notes, and a picture that has ink at both views of a sensor."""
+    pytest.importorskip("matplotlib")
+    file, picture = tmp_path / "my.yaml", tmp_path / "my.png"
+    file.write_text("extends: lidar\nname: mine\nsensors: [{kind: lidar, name: top, preset: vlp16}]\n")
+    assert main(["list", "rigs", str(file), "--out", str(picture)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[:5] for line in lines if " top " in line][-1] == [
+        "lidar",
+        "top",
+        "0.00",
+        "0.00",
+        "0.00",
+    ]
+    assert sum(line.startswith("note: ") for line in lines) == 2
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main(["list", "rigs", str(file), "--out", str(picture)]) == 1
+    assert main(["list", "rigs", "--out", str(tmp_path / "b.png")]) == 2
+
+
 def test_a_system_that_needs_more_than_a_bag_names_the_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["odometry", "run.bag", "--method", "rko_lio", "--out", "a.tum"]) == 1
     assert "carlaloc benchmark DATA --methods rko_lio" in capsys.readouterr().err

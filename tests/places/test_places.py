@@ -96,6 +96,21 @@ def test_identical_frames_overlap_wholly_and_a_lidar_sees_behind(scenery: Any) -
     assert seen_shares(rays, CAMERA, here, [sky]).tolist() == [0.0]
 
 
+def test_the_field_of_a_pattern_is_that_of_its_optics() -> None:
+    """Directions lie in their field, and points beside or above it do not."""
+    for name, inside, outside in (
+        ("avia", (30.0, 20.0), (50.0, 0.0)),
+        ("mid360", (170.0, 50.0), (0.0, -9.0)),
+    ):
+        field = field_of(LidarConfig(**LidarConfig.preset_values(name)))
+        away = field.directions(5000)
+        assert np.all(field.holds(10.0 * away))
+        for (azimuth, elevation), holds in ((inside, True), (outside, False)):
+            a, e = np.radians([azimuth, elevation])
+            point = 10.0 * np.array([[np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]])
+            assert field.holds(point).tolist() == [holds]
+
+
 def test_frames_lie_at_even_distances_and_a_car_that_waits_gives_none(scenery: Any) -> None:
     def path(t: Any) -> Any:  # 10 m/s, from 1 s to 3 s at rest
         way = 10.0 * (np.minimum(t, 1.0) + np.maximum(t - 3.0, 0.0))

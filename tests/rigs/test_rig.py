@@ -1,12 +1,13 @@
 """Rigs: YAML there and back, errors that name the next step, spans that lose no sample."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.rigs.notes import rig_notes
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
@@ -174,6 +175,29 @@ def test_a_rig_extends_another_by_what_differs(tmp_path: Path) -> None:
     assert (after.columns_most, after.elevation_offset_deg, after.firing_ns) == (1085, 0.02, ())
     assert [s for s in high.sensors if s.kind != "lidar"] == [s for s in plain.sensors if s.kind != "lidar"]
     assert SensorRig.from_yaml(high.to_yaml()) == high
+
+
+def test_beams_take_a_range_and_columns_follow_the_rate() -> None:
+    """`beams: 64` between two elevations; an HDL-32E at 10 Hz has twice its columns, or a file's own."""
+    text = "extends: lidar\nsensors: [{{kind: lidar, {}}}]\n"
+    rigs = [
+        SensorRig.from_yaml(text.format(values), bases=RIGS).of_kind("lidar")[0]
+        for values in ("beams: 64, elevations_deg: [-25, 15]", "rate_hz: 10", "rate_hz: 10, columns: 900")
+    ]
+    assert all(isinstance(lidar, LidarConfig) for lidar in rigs)
+    wide, slow, own = cast(list[LidarConfig], rigs)
+    assert wide.elevations_deg == pytest.approx(np.linspace(-25.0, 15.0, 64))
+    assert slow.rays * slow.rate_hz == pytest.approx(694_444, rel=1e-4)
+    assert own.rays == 900 * 32
+
+
+def test_places_that_were_hardly_meant_are_named() -> None:
+    text = "extends: flu\nsensors: [{kind: lidar, name: top, preset: os1_64}, {kind: imu, rate_hz: 100}]"
+    notes = rig_notes(SensorRig.from_yaml(text, bases=RIGS))
+    assert notes[0].startswith("lidar 'top' sits at [0, 0, 0], on the road")
+    assert notes[1].startswith("2 LiDARs (lidar, top)")
+    assert len(notes) == 2
+    assert not rig_notes(rig_by_name("paper"))
 
 
 def test_an_extended_rig_keeps_axes_and_gets_sensors() -> None:

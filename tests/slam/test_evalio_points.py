@@ -8,7 +8,9 @@ import pytest
 from shared_fixtures.readings.slam_dataset import COLUMNS, ELEVATIONS_DEG, pose, sweep, write_dataset
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.dataset.readings import ImuSample
 from recorder.dataset.sequence import SlamSequence
 from recorder.slam.runners.evalio_pipelines import lidar_measurement, loam
@@ -28,6 +30,15 @@ def test_every_point_has_a_cell_of_its_own(tmp_path: Path) -> None:
         written = sweep(k * 100_000_000).points_xyz_m
         by_row = written.reshape(COLUMNS, len(ELEVATIONS_DEG), 3).transpose(1, 0, 2).reshape(-1, 3)
         assert np.array_equal(np.array([(p.x, p.y, p.z) for p in points]), by_row.astype(float))
+
+
+def test_a_pattern_without_rows_is_refused(tmp_path: Path) -> None:
+    class OfALivox(WithImu):
+        lidar = LidarConfig(**LidarConfig.preset_values("mid360"))
+
+    folder = write_dataset(tmp_path / "d", sweeps=2) / "Box" / "ClearNoon_dynamic"
+    with pytest.raises(EvaluationError, match="give a spinning LiDAR"):
+        loam(OfALivox(folder), FrameClock())
 
 
 class WithImu(SlamSequence):

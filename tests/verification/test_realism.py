@@ -20,7 +20,7 @@ from carlaloc_env.sensors.imu import ideal
 from recorder.cli.main import main
 from recorder.dataset.scans import Scan
 from recorder.verification.imu_metrics import ImuLog, imu_metrics
-from recorder.verification.lidar_metrics import lidar_metrics, sweeps_of
+from recorder.verification.lidar_metrics import is_like_hdl32e, lidar_metrics, sweeps_of
 from recorder.verification.real_ranges import REAL_IMU, REAL_LIDAR
 from recorder.verification.realism import RealismMetric, measure_realism
 
@@ -111,6 +111,16 @@ def test_clouds_without_rings_or_times_give_the_same_metrics(without: str) -> No
 
 def test_slow_sensors_are_thinned_to_the_density_of_the_real_one() -> None:
     assert next(sweeps_of([street(0, columns=2 * COLUMNS)])).range_m.shape == (COLUMNS, 32)
+
+
+def test_sensors_of_other_sizes_are_named(bag: Path) -> None:
+    """The ranges are an HDL-32E's: rings at its angles have them, others have none; a Livox has no rings."""
+    assert is_like_hdl32e(ELEVATION_DEG)
+    assert not is_like_hdl32e(np.linspace(-22.0, 21.0, 64))
+    assert not is_like_hdl32e(np.linspace(15.0, -16.0, 32))
+    line = np.arange(32 * COLUMNS) % 4
+    with pytest.raises(EvaluationError, match="as a Livox's"):
+        lidar_metrics([replace(street(0), ring=line)])
 
 
 def test_clouds_that_are_no_sweeps_are_refused_in_one_line() -> None:

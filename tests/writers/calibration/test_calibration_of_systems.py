@@ -19,6 +19,7 @@ from carlaloc_env.rigs.industrial_camera import industrial_shutter
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import Imu
 from carlaloc_env.sensors.imu import IMU_GRADES, ImuConfig
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.writers.calibration.files import calibration_texts, write_calibration
 from recorder.writers.rig_calibration import NOISE_FLOORS, RigCalibration
 from recorder.writers.topic_profiles import STANDARD
@@ -228,6 +229,16 @@ def test_files_that_would_hold_a_divisor_of_zero_are_left_out() -> None:
     left_out = calibration_texts(RIG, STANDARD).keys() - calibration_texts(flat, STANDARD).keys()
     of = {re.split("[_./]", name)[0] for name in left_out}
     assert of == {"orbslam3", "vins", "open", "s", "lego", "a"}
+
+
+@pytest.mark.parametrize("name", ["mid360", "avia", "aeries2"])
+def test_patterns_get_no_files_of_rings_and_columns(name: str) -> None:
+    """Systems that take points as they come keep theirs; FAST-LIO2's has the driver's lines."""
+    lidar = LidarConfig(**LidarConfig.preset_values(name))
+    texts = calibration_texts(RigCalibration.from_configs([ImuConfig(), lidar]), STANDARD)
+    assert {"kiss_icp.yaml", "fast_lio.yaml", "rko_lio.yaml"} <= texts.keys()
+    assert not {"a_loam.launch", "lio_sam.yaml", "lego_loam.launch"} & texts.keys()
+    assert f"scan_line: {lidar.rings}\n" in texts["fast_lio.yaml"]
 
 
 @pytest.mark.parametrize(("rig", "near_m"), [("flu", 2.0), ("real", 3.0)])
