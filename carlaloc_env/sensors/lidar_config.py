@@ -168,7 +168,7 @@ class LidarConfig(SensorConfig):
     columns: int = 2078
     """Firings of all beams in one revolution; 0: they follow from `cycle_ns`."""
     cycle_ns: float = 0.0
-    """Time from column to column [ns], whose number in a revolution need not be whole; 0: from `columns`."""
+    """Time from column to column [ns], in a revolution also a fractional number of them; 0: by `columns`."""
     span_deg: float = 360.0
     """Azimuth that the columns cover from left to right, its middle ahead [deg], 360 = a revolution."""
     pattern: WedgePattern | FanPattern | None = None

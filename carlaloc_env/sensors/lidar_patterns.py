@@ -49,9 +49,9 @@ class FanPattern:
     """A fan of lines that a mirror turns and nods: Fourier series of the turn θ and the nod Δ.
 
     Elevation e = e₀ + Σ elevation_deg[k]·cos kΔ and azimuth a = −θ + Σ azimuth_deg[k]·sin kΔ are those of the
-    fan's middle. Line s lies s·Σ tall_deg[j]·cos(θ − kΔ) above it and s·Σ wide_deg[j]·sin(θ − kΔ)/cos e to
-    the left, k = j − 3 from −3 to 3. s is the elevation of the line's beam over the largest of all. Phases
-    of turn and nod are drawn from the seed.
+    fan's middle. A line lies s·Σ tall_deg[j]·cos(θ − kΔ) above it, with k = j − 3. It lies
+    s·Σ wide_deg[j]·sin(θ − kΔ)/cos e to the left. The share s is the elevation of the line's beam over the
+    largest of all. The seed draws the phases of turn and nod.
     """
 
     turns_hz: float

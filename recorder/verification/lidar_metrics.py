@@ -96,9 +96,7 @@ def sweeps_of(scans: Sequence[Scan]) -> Iterator[Sweep]:
     middle = [np.median(part) for part in parts]
     spread = np.median([np.median(np.abs(part - at)) for part, at in zip(parts, middle, strict=True)])
     if spread > _SPREAD_DEG:
-        raise EvaluationError(
-            "rings lie at no constant elevation, as a Livox's; give a spinning LiDAR's clouds"
-        )
+        raise EvaluationError("rings have no constant elevation, as a Livox's; give a spinning LiDAR's")
     # A ring that never answers lies between its neighbours.
     of_ring = np.interp(np.arange(count), number, middle)
     for scan, mine in zip(scans, rings, strict=True):

@@ -71,7 +71,7 @@ class RayPattern:
         return self._turned(float(math.ceil(begun) - begun))
 
     def _first_sweep(self) -> SweepRays:
-        """Rays of a sweep whose first column begins with it; a pattern's point nowhere yet."""
+        """Rays of a sweep whose first column begins with it; those of a pattern are not bent yet."""
         config = self._config
         columns = np.arange(config.columns_most)
         column_ns = np.round(columns * config.sweep_ns / float(self._columns)).astype(np.int64)
@@ -80,9 +80,7 @@ class RayPattern:
             column_ns = columns * config.sectors // config.columns * config.sweep_ns // config.sectors
             firing_ns = np.zeros_like(firing_ns)
         ring = (config.rings - 1 - self._order) if config.rings_from_top else self._order
-        directions, origins_m = np.zeros((config.rays, 3)), np.empty((0, 3))
-        if config.pattern is None:
-            directions, origins_m = self._beams(columns)
+        directions, origins_m = self._beams(columns)
         return SweepRays(
             column_ns=column_ns,
             column=np.repeat(columns, config.rings),
@@ -127,19 +125,10 @@ class RayPattern:
         rays = slice(count * config.rings)
         origins_m = np.empty_like(first.origins_m[rays])
         _carry(turn, np.zeros(3), first.origins_m[rays], origins_m)
-        return self._aimed(
-            replace(
-                first,
-                column_ns=first.column_ns[:count] + late_ns,
-                column=first.column[rays],
-                later_s=first.later_s[rays],
-                ring=first.ring[rays],
-                offset_ns=first.offset_ns[rays] + np.uint32(late_ns),
-                origins_m=origins_m,
-            ),
-            turn,
-            first.directions[rays],
-        )
+        same = {name: getattr(first, name)[rays] for name in ("column", "later_s", "ring")}
+        column_ns, offset_ns = first.column_ns[:count] + late_ns, first.offset_ns[rays] + np.uint32(late_ns)
+        turned = replace(first, column_ns=column_ns, offset_ns=offset_ns, origins_m=origins_m, **same)
+        return self._aimed(turned, turn, first.directions[rays])
 
     def _bent(self, stamp_ns: int, seed: int) -> SweepRays:
         """Rays of a pattern from a stamp on [ns]."""

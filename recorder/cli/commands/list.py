@@ -55,13 +55,8 @@ def _one_rig(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
 
     rig = rig_by_name(name)
     sensors = [
-        {
-            "kind": sensor.kind,
-            "name": sensor.name,
-            "position_m": sensor.mount.position_m,
-            "rate_hz": sensor.rate_hz,
-        }
-        for sensor in rig.sensors
+        {"kind": s.kind, "name": s.name, "position_m": s.mount.position_m, "rate_hz": s.rate_hz}
+        for s in rig.sensors
     ]
     found: dict[str, Any] = {"sensors": sensors, "notes": rig_notes(rig)}
     if arguments.yaml:
