@@ -232,7 +232,10 @@ def _sensor(entry: Any, where: str, base: Mapping[str, Any] | None = None) -> Se
     try:
         preset = config.preset_values(str(entry["preset"])) if "preset" in entry else {}
         plain = {key: to_mapping(part) if is_dataclass(part) else part for key, part in preset.items()}
-        values = config.file_values(values, {**(base or {}), **plain})
+        # Of the sensor that changes, a preset leaves what no preset of its kind has, such as its mount.
+        drop = config.preset_keys()
+        base = {k: v for k, v in (base or {}).items() if "preset" not in entry or k not in drop}
+        values = config.file_values(values, {**base, **plain})
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
     return from_mapping(config, values, where)

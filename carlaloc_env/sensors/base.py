@@ -127,6 +127,11 @@ class SensorConfig(ABC):
         return dict(cls.presets[name])
 
     @classmethod
+    def preset_keys(cls) -> set[str]:
+        """Names of all values that some variant has."""
+        return {key for values in cls.presets.values() for key in values}
+
+    @classmethod
     def file_values(cls, values: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
         """Values of a rig's file over those of a preset or of the rig that it extends.
 

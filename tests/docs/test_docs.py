@@ -160,7 +160,8 @@ UNITLESS = {
     "ghosts", "weather", "rows", "rays_per_actor", "detections_max", "orientation", "model",
     "constellations", "rtk", "solution", "satellites", "window",
     "lens", "lens_drops", "imager", "shutter", "events", "parked_cars", "green_wave", "cluster",
-    "lidar_weather", "faults", "ride", "truth_tf", "clock", "roof_rack", "receiver",
+    "lidar_weather", "faults", "ride", "truth_tf", "clock", "roof_rack", "receiver", "pattern",
+    "doppler", "layout", "rings_from_top",
 }  # fmt: skip
 """Fields that are names, choices, counts or shares."""
 MEASURE = re.compile(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ")

@@ -191,6 +191,15 @@ def test_beams_take_a_range_and_columns_follow_the_rate() -> None:
     assert own.rays == 900 * 32
 
 
+@pytest.mark.parametrize("name", ["os1_64", "vlp16", "mid360", "hdl32e_road", "paper"])
+def test_a_preset_replaces_all_of_another_lidar_but_its_place(name: str) -> None:
+    text = f"extends: lidar\nsensors: [{{kind: lidar, preset: {name}}}]\n"
+    before, after = (
+        rig.of_kind("lidar") for rig in (rig_by_name("lidar"), SensorRig.from_yaml(text, bases=RIGS))
+    )
+    assert after == (LidarConfig(**LidarConfig.preset_values(name), mount=before[0].mount),)
+
+
 def test_places_that_were_hardly_meant_are_named() -> None:
     text = "extends: flu\nsensors: [{kind: lidar, name: top, preset: os1_64}, {kind: imu, rate_hz: 100}]"
     notes = rig_notes(SensorRig.from_yaml(text, bases=RIGS))
