@@ -149,13 +149,14 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     },
     "avia": {
         **_SPINNING,
-        "elevations_deg": (-2.1725, -1.3035, -0.4345, 0.4345, 1.3035, 2.1725),
-        "firing_ns": (0, 4167, 8333, 12_500, 16_667, 20_833),
+        "elevations_deg": (-2.170, -1.302, -0.434, 0.434, 1.302, 2.170),
+        "rings_from_top": True,
+        "firing_ns": (20_833, 16_667, 12_500, 8333, 4167, 0),
         "cycle_ns": 25_000.0,
         "pattern": WedgePattern(
-            wedge_deg=(27.12, 0.91, 26.50),
+            wedge_deg=(27.12, 0.916, 26.50),
             turns_hz=(131.55, -213.15, -40.80),
-            phase_deg=(0.0, 0.8, 180.0),
+            phase_deg=(180.0, 179.6, 0.0),
             inclined=("entry", "exit", "exit"),
             field_deg=(-38.6, 38.6),
             width_deg=70.6,

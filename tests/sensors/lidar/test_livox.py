@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.sensors.lidar import optics
 from carlaloc_env.sensors.lidar.sweep_rays import RayPattern
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.sensors.lidar_patterns import WedgePattern
@@ -99,3 +100,38 @@ def test_one_thin_wedge_deflects_by_its_angle_and_index() -> None:
     assert away == pytest.approx(np.full(360, 0.51), abs=2e-4)
     around = np.unwrap(np.arctan2(along[:, 2], along[:, 1]))
     assert np.diff(around) == pytest.approx(np.full(359, 2 * np.pi / 360), abs=1e-7), "whole nanoseconds"
+
+
+ROWS = {
+    "avia": [
+        (0, 0, -35.27, 2.24), (0, 5, -35.27, -2.24), (4001, 0, -23.08, -2.27), (4001, 5, -23.06, -6.66),
+        (30011, 0, 16.98, 6.17), (30011, 5, 17.03, 1.79), (77777, 0, 6.48, 34.17), (77777, 5, 5.58, 28.32),
+        (131313, 0, -25.67, 7.65), (131313, 5, -25.60, 3.26),
+    ],
+    "mid360": [
+        (0, 0, -91.01, 52.16), (0, 3, -91.00, 43.85), (4001, 0, 26.54, 23.10), (4001, 3, 29.50, 26.80),
+        (30011, 0, 93.30, 43.85), (30011, 3, 93.05, 52.16), (77777, 0, -15.28, -2.19),
+        (77777, 3, -10.70, -1.79), (131313, 0, -89.50, 20.31), (131313, 3, -93.17, 16.51),
+    ],
+}  # fmt: skip
+"""Number of the firing, line, azimuth and elevation [deg] in Livox's tables (livox_laser_simulation, MIT)."""
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_rays_are_those_of_livoxs_tables_at_their_phases(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All lines of a row of a table share their time; the fits are within half a degree of every row."""
+
+    class Phases:
+        def random(self, count: int | None = None) -> Array:
+            """Those with which the tables begin: of turn, nod and azimuth; the wedges' are the preset's."""
+            return np.array(0.0) if count is None else np.array([0.0009, -0.0014, 0.7492])
+
+    monkeypatch.setattr(optics.clock, "stream", lambda *_: Phases())
+    config = LidarConfig(**LidarConfig.preset_values(name))
+    firing, line, azimuth, elevation = np.array(ROWS[name]).T
+    along = optics.pattern_directions(
+        config, 0, config.rings - 1 - line.astype(int), 1e-9 * config.cycle_ns * firing
+    )
+    a, e = np.radians(azimuth), np.radians(elevation)
+    rows = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=1)
+    assert np.degrees(np.arccos(np.sum(along * rows, axis=1))).max() < 0.5
