@@ -32,6 +32,7 @@ from carlaloc_env.timeline.vehicle_track import CarTrack
 pytest.importorskip("open3d", reason="open3d is not installed")
 
 STEPS = 24
+ROOF = Mount(position_m=(1.1, 0.2, 1.9), rpy_deg=(1, 2, -30))
 CONFIGS: dict[str, SensorConfig] = {
     "imu": ImuConfig(mount=Mount(position_m=(1.5, 0, 1.2), axes="paper_imu")),
     "consumer": ImuConfig(
@@ -49,6 +50,11 @@ CONFIGS: dict[str, SensorConfig] = {
         columns=180,
         rate_hz=10.0,
         ego_returns=True,
+    ),
+    "vlp16": LidarConfig(**{**LidarConfig.preset_values("vlp16"), "name": "vlp16", "mount": ROOF}),
+    "mid360": LidarConfig(**{**LidarConfig.preset_values("mid360"), "name": "mid360", "mount": ROOF}),
+    "aeries2": LidarConfig(
+        **{**LidarConfig.preset_values("aeries2"), "name": "aeries2", "mount": ROOF, "columns": 99}
     ),
     "radar": RadarConfig(mount=Mount(position_m=(1.2, 0, 1.85), rpy_deg=(0, 0, 60)), columns=40),
     "gnss": GnssConfig(mount=Mount(position_m=(0.7, 0, 1.5))),

@@ -41,7 +41,7 @@ def range_rates(
     rows, actors = rows[ids[actors] == instance[rows]], actors[ids[actors] == instance[rows]]
     if len(rows):
         now_ns = stamps_ns[rows]
-        begin_ns = now_ns // STEP_NS * STEP_NS
+        begin_ns = np.maximum(now_ns - 1, 0) // STEP_NS * STEP_NS
         poses = (timeline.actor_poses(actors, at_ns) for at_ns in (now_ns, begin_ns, begin_ns + STEP_NS))
         (position, *_), (before, heading_before, *_), (after, heading_after, *_) = poses
         rate = wrap_angle(heading_after - heading_before)

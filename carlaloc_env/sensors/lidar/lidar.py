@@ -176,7 +176,7 @@ class LidarSensor(Sensor):
             aimed[:, 3:],
             points_m,
             hits.instance,
-            stamp_ns + sweep.offset_ns[rays].astype(np.int64),
+            stamp_ns + self._pattern.after_ns(sweep, rays),
             motion.velocity_world_mps[sweep.column[rays]],
             timeline,
         )

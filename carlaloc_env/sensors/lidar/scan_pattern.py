@@ -67,7 +67,7 @@ class ScanPattern:
         sweep = self.rays.sweep(stamp_ns, self._world.seed)
         body, free = self._body.hits(sweep)
         world, aimed = self._world.rays(), self.aimed(timeline, stamp_ns, sweep, free)
-        stamps_ns = stamp_ns + sweep.offset_ns[free].astype(np.int64)
+        stamps_ns = stamp_ns + self.after_ns(sweep, free)
         share, relief_m = np.ones(len(sweep), np.float32), np.zeros(len(sweep), np.float32)
         free_hits = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
         if config.receiver:
@@ -95,6 +95,13 @@ class ScanPattern:
         hits = dataclasses.replace(body, **{name: getattr(body, name).copy() for name in body.__slots__})
         hits.put(free, free_hits)
         return Cast(rays=np.arange(len(sweep)), sweep=sweep, hits=hits, share=share, relief_m=relief_m)
+
+    def after_ns(self, sweep: SweepRays, rays: Index) -> NDArray[np.int64]:
+        """Times of some rays after the sweep began at which road users are looked up [ns], shape (N,).
+
+        The last column may outlast the sweep, beyond which nothing is known yet of a drive under way.
+        """
+        return np.minimum(sweep.offset_ns[rays], self._config.sweep_ns).astype(np.int64)
 
     def _mixed(
         self,
