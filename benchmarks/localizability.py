@@ -173,7 +173,8 @@ def route_localizability(town: Town, lidar: LidarConfig, *, step_m: float = 5.0)
 def directions_past_the_car(stage: SensorStage, lidar: LidarConfig) -> Array:
     """Directions of a LiDAR's rays in `base_link` that do not meet the car itself, shape (N, 3)."""
     mount = lidar.mount.T_base_sensor
-    directions = ScanPattern(lidar, stage).rays.sweep(0, 0).directions @ mount[:3, :3].T
+    rays = ScanPattern(lidar, stage).rays.sweep(0, 0)
+    directions = rays.turned(rays.directions) @ mount[:3, :3].T
     origins = np.broadcast_to(mount[:3, 3], directions.shape)
     own = stage.rays().cast_ego(origins, directions, lidar.range_max_m)
     past: Array = directions[~np.isfinite(own.range_m)]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary_kernels
 from carlaloc_env.core.array_types import F32, Array, Index
-from carlaloc_env.core.jit import compiled
+from carlaloc_env.core.jit import compiled, inlined
 
 
 class PatternRays(NamedTuple):
@@ -19,9 +19,11 @@ class PatternRays(NamedTuple):
     later_s: Array
     """Time between the beginning of its column and the ray [s], (R,)."""
     direction: Array
-    """Unit direction in the car's frame, (R, 3)."""
+    """Unit direction in the frame of aiming, (R, 3)."""
     origin_m: Array
-    """Where it begins in the car's frame [m], (R, 3); (0, 3): at the sensor."""
+    """Where it begins there, counted from the sensor [m], (R, 3); (0, 3): at the sensor."""
+    rotation: Array
+    """Maps the frame of aiming to the car's, (3, 3)."""
 
 
 class ColumnMotion(NamedTuple):
@@ -53,9 +55,11 @@ class ScanHits(NamedTuple):
     cos_incidence: F32
     """Cosine between ray and normal, (H,)."""
     direction: Array
-    """Unit direction of each ray, sensor frame, (R, 3)."""
+    """Unit direction of each ray, sensor frame before the turn, (R, 3)."""
     origin_m: Array
-    """Where each ray begins, sensor frame [m], (R, 3); (0, 3): at its origin."""
+    """Where each ray begins there [m], (R, 3); (0, 3): at its origin."""
+    turn: tuple[float, float]
+    """Cosine and sine of the turn about z."""
     noise: Array
     """Standard normal number of each ray, (R,)."""
     ring: NDArray[np.uint16]
@@ -110,7 +114,7 @@ def aim(rays: Index, pattern: PatternRays, lever_m: Array, motion: ColumnMotion,
     column, later_s, local = pattern.column, pattern.later_s, pattern.direction
     position_m, quat_xyzw = motion.position_m, motion.quat_xyzw
     velocity_mps, omega_radps = motion.velocity_mps, motion.omega_radps
-    own_origins = len(pattern.origin_m) > 0
+    own_origins, q = len(pattern.origin_m) > 0, pattern.rotation
     for row in range(len(rays)):
         ray = rays[row]
         c, dt = column[ray], later_s[ray]
@@ -119,20 +123,39 @@ def aim(rays: Index, pattern: PatternRays, lever_m: Array, motion: ColumnMotion,
             xx, xy, xz = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw)
             yx, yy, yz = 2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw)
             zx, zy, zz = 2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)
+            # The car's rotation after that of aiming, and the car's rate in the frame of aiming.
+            m00, m01, m02 = _times(xx, xy, xz, q)
+            m10, m11, m12 = _times(yx, yy, yz, q)
+            m20, m21, m22 = _times(zx, zy, zz, q)
+            ux, uy, uz = _times(omega_radps[c, 0], omega_radps[c, 1], omega_radps[c, 2], q)
         x, y, z = local[ray, 0], local[ray, 1], local[ray, 2]
         ax, ay, az = lever_m[0], lever_m[1], lever_m[2]
-        if own_origins:
-            ax, ay, az = pattern.origin_m[ray, 0], pattern.origin_m[ray, 1], pattern.origin_m[ray, 2]
         if dt > 0.0:
-            wx, wy, wz = dt * omega_radps[c, 0], dt * omega_radps[c, 1], dt * omega_radps[c, 2]
+            wx, wy, wz = dt * ux, dt * uy, dt * uz
             x, y, z = x + (wy * z - wz * y), y + (wz * x - wx * z), z + (wx * y - wy * x)
+            wx, wy, wz = dt * omega_radps[c, 0], dt * omega_radps[c, 1], dt * omega_radps[c, 2]
             ax, ay, az = ax + (wy * az - wz * ay), ay + (wz * ax - wx * az), az + (wx * ay - wy * ax)
         out[row, 0] = position_m[c, 0] + dt * velocity_mps[c, 0] + (xx * ax + xy * ay + xz * az)
         out[row, 1] = position_m[c, 1] + dt * velocity_mps[c, 1] + (yx * ax + yy * ay + yz * az)
         out[row, 2] = position_m[c, 2] + dt * velocity_mps[c, 2] + (zx * ax + zy * ay + zz * az)
-        out[row, 3] = xx * x + xy * y + xz * z
-        out[row, 4] = yx * x + yy * y + yz * z
-        out[row, 5] = zx * x + zy * y + zz * z
+        out[row, 3] = m00 * x + m01 * y + m02 * z
+        out[row, 4] = m10 * x + m11 * y + m12 * z
+        out[row, 5] = m20 * x + m21 * y + m22 * z
+        if own_origins:
+            ax, ay, az = pattern.origin_m[ray, 0], pattern.origin_m[ray, 1], pattern.origin_m[ray, 2]
+            out[row, 0] += m00 * ax + m01 * ay + m02 * az
+            out[row, 1] += m10 * ax + m11 * ay + m12 * az
+            out[row, 2] += m20 * ax + m21 * ay + m22 * az
+
+
+@inlined
+def _times(x: float, y: float, z: float, q: Array) -> tuple[float, float, float]:
+    """A row (x, y, z) times a matrix (3, 3)."""
+    return (
+        x * q[0, 0] + y * q[1, 0] + z * q[2, 0],
+        x * q[0, 1] + y * q[1, 1] + z * q[2, 1],
+        x * q[0, 2] + y * q[1, 2] + z * q[2, 2],
+    )
 
 
 @compiled
@@ -179,14 +202,18 @@ def points_of(kept: Index, hits: ScanHits, noise_scale_m: float, points: PointCo
         noise_scale_m: Standard deviation of the distance [m].
         points: Receives the points, N rows.
     """
+    own_origins, cosine, sine = len(hits.origin_m) > 0, hits.turn[0], hits.turn[1]
     for row in range(len(kept)):
         hit = kept[row]
         ray = hits.ray[hit]
         distance_m = hits.range_m[hit] + noise_scale_m * hits.noise[ray]
-        for k in range(3):
-            points.xyz_m[row, k] = hits.direction[ray, k] * distance_m
-            if len(hits.origin_m) > 0:
-                points.xyz_m[row, k] = hits.direction[ray, k] * distance_m + hits.origin_m[ray, k]
+        x, y, z = hits.direction[ray, 0], hits.direction[ray, 1], hits.direction[ray, 2]
+        x, y, z = x * distance_m, y * distance_m, z * distance_m
+        if own_origins:
+            x, y, z = x + hits.origin_m[ray, 0], y + hits.origin_m[ray, 1], z + hits.origin_m[ray, 2]
+        if sine != 0.0:
+            x, y = cosine * x - sine * y, sine * x + cosine * y
+        points.xyz_m[row, 0], points.xyz_m[row, 1], points.xyz_m[row, 2] = x, y, z
         points.intensity[row], points.cos_incidence[row] = hits.intensity[hit], hits.cos_incidence[hit]
         points.ring[row], points.offset_ns[row] = hits.ring[ray], hits.offset_ns[ray]
         points.tag[row], points.instance[row] = hits.tag[hit], hits.instance[hit]

@@ -138,6 +138,7 @@ class LidarSensor(Sensor):
             cos_incidence=hits.cos_incidence,
             direction=sweep.directions,
             origin_m=sweep.origins_m,
+            turn=sweep.turn,
             noise=noise,
             ring=sweep.ring,
             offset_ns=sweep.offset_ns,
@@ -171,13 +172,13 @@ class LidarSensor(Sensor):
         aimed = self._pattern.aimed(timeline, stamp_ns, sweep, rays)
         points_m = aimed[:, :3] + self._world.rays().middle_m
         points_m += aimed[:, 3:] * hits.range_m[:, None].astype(np.float64)
-        motion = timeline.ego_motion(stamp_ns + sweep.column_ns).at_mount(config.mount.T_base_sensor)
+        motion = timeline.ego_motion(stamp_ns + sweep.knot_ns).at_mount(config.mount.T_base_sensor)
         rates = range_rates(
             aimed[:, 3:],
             points_m,
             hits.instance,
             stamp_ns + self._pattern.after_ns(sweep, rays),
-            motion.velocity_world_mps[sweep.column[rays]],
+            motion.velocity_world_mps[sweep.knot[rays]],
             timeline,
         )
         noise = white_noise(self._world.seed, f"{config.name}/doppler", stamp_ns, config.rays)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.core import clock, elementary, elementary_kernels
 from carlaloc_env.core.array_types import Array, Index
@@ -16,32 +17,33 @@ _BEGUN_S = 60.0
 """Wedges have turned at most so long when a drive begins [s]."""
 
 
-def pattern_directions(config: LidarConfig, seed: int, line: Index, time_s: Array) -> Array:
-    """Unit directions of N beams of a pattern in the sensor frame, shape (N, 3).
+def pattern_directions(config: LidarConfig, seed: int, lines: Index, time_s: Array) -> Array:
+    """Unit directions of the beams of a pattern in the sensor frame, column by column, shape (C·L, 3).
 
     Args:
         config: A LiDAR with a pattern.
-        seed: Draws the phases of all that turns; they go on from sweep to sweep.
-        line: Line of each beam, 0 = the first of `elevations_deg`, shape (N,).
-        time_s: Time of each beam since the drive began [s], shape (N,).
+        seed: Draws the phases of all that turns; they continue from sweep to sweep.
+        lines: The L lines of a column in the order of firing, 0 = the first of `elevations_deg`.
+        time_s: Time of each of C columns since the drive began [s]; its lines share the state of the optics.
     """
-    pattern, directions = config.pattern, np.empty((len(time_s), 3))
+    pattern, directions = config.pattern, np.empty((len(time_s) * len(lines), 3))
     assert pattern is not None
-    line_rad = np.radians(np.array(config.elevations_deg))
+    line_rad = np.radians(np.array(config.elevations_deg))[lines]
     if isinstance(pattern, FanPattern):
         phase = clock.stream(seed, f"{config.name}/optics").random(3)
-        share = line_rad / np.abs(line_rad).max()
         series = (pattern.elevation_deg, pattern.azimuth_deg, pattern.tall_deg, pattern.wide_deg)
         parts = tuple(np.radians(np.array(values)) for values in series)
-        _fan(share[line], time_s, (pattern.turns_hz, pattern.nods_hz), phase, parts, directions)
+        rates_hz = pattern.turns_hz, pattern.nods_hz
+        _fan(line_rad / np.abs(line_rad).max(), time_s, rates_hz, phase, parts, directions)
         return directions
     begun_s = _BEGUN_S * clock.stream(seed, f"{config.name}/optics").random()
     phase = np.array(pattern.phase_deg) / 360.0 + begun_s * np.array(pattern.turns_hz)
     exits = np.array([face == "exit" for face in pattern.inclined])
     lean_rad = np.radians(np.array(pattern.wedge_deg))
     faces = np.stack([elementary.cos(lean_rad), elementary.sin(lean_rad)], axis=1)
-    wedges = np.array(pattern.turns_hz), faces, exits
-    _wedges(line_rad[line], time_s, wedges, phase, pattern.index, directions)
+    beams = np.stack([elementary.cos(line_rad), elementary.sin(line_rad)], axis=1)
+    wedges = np.array(pattern.turns_hz), faces, exits, np.empty((len(exits), 3))
+    _wedges(beams, time_s, wedges, phase, pattern.index, directions)
     return directions
 
 
@@ -62,9 +64,10 @@ def _fan(
 ) -> None:
     """Directions of a `FanPattern`, whose phases of turn, nod and azimuth are given in turns."""
     elevation, azimuth, tall, wide = series
-    for i in range(len(time_s)):
-        turn = _turn_rad(rates_hz[0] * time_s[i] + phase[0])
-        nod_sine, nod_cosine = elementary_kernels.sin_cos(_turn_rad(rates_hz[1] * time_s[i] + phase[1]))
+    for column in range(len(time_s)):
+        turn = _turn_rad(rates_hz[0] * time_s[column] + phase[0])
+        nod = _turn_rad(rates_hz[1] * time_s[column] + phase[1])
+        nod_sine, nod_cosine = elementary_kernels.sin_cos(nod)
         # Multiples of the nod by the sums of angles.
         e, a = elevation[0], _turn_rad(phase[2]) - turn
         sine, cosine = 0.0, 1.0
@@ -81,36 +84,44 @@ def _fan(
         for j in range(7):
             above, left = above + tall[j] * cosine, left + wide[j] * sine
             sine, cosine = sine * nod_cosine - cosine * nod_sine, cosine * nod_cosine + sine * nod_sine
-        a += share[i] * left / elementary_kernels.cos(e)
-        up, flat = elementary_kernels.sin_cos(e + share[i] * above)
-        sine, cosine = elementary_kernels.sin_cos(a)
-        out[i, 0], out[i, 1], out[i, 2] = flat * cosine, flat * sine, up
+        left /= elementary_kernels.cos(e)
+        for line in range(len(share)):
+            up, flat = elementary_kernels.sin_cos(e + share[line] * above)
+            sine, cosine = elementary_kernels.sin_cos(a + share[line] * left)
+            i = column * len(share) + line
+            out[i, 0], out[i, 1], out[i, 2] = flat * cosine, flat * sine, up
 
 
 @compiled
 def _wedges(
-    beam_rad: Array,
+    beams: Array,
     time_s: Array,
-    wedges: tuple[Array, Array, Array],
+    wedges: tuple[Array, Array, NDArray[np.bool_], Array],
     phase: Array,
     index: float,
     out: Array,
 ) -> None:
     """Directions of a `WedgePattern`: Snell's law at both faces of every wedge; phases are in turns."""
-    turns_hz, faces, exits = wedges
-    for i in range(len(time_s)):
-        z, x = elementary_kernels.sin_cos(beam_rad[i])
-        y = 0.0
+    turns_hz, faces, exits, normals = wedges
+    for column in range(len(time_s)):
         for k in range(len(turns_hz)):
-            sine, cosine = elementary_kernels.sin_cos(_turn_rad(turns_hz[k] * time_s[i] + phase[k]))
-            straight, lean = faces[k, 0], faces[k, 1]
-            for face in range(2):
-                nx, ny, nz = 1.0, 0.0, 0.0
-                if exits[k] == (face == 1):
-                    nx, ny, nz = straight, lean * cosine, lean * sine
-                ratio = 1.0 / index if face == 0 else index
-                along = nx * x + ny * y + nz * z
-                # Along the normal; past the angle of total reflection the beam grazes the face.
-                bent = math.sqrt(max(1.0 - ratio * ratio * (1.0 - along * along), 0.0)) - ratio * along
-                x, y, z = ratio * x + bent * nx, ratio * y + bent * ny, ratio * z + bent * nz
-        out[i, 0], out[i, 1], out[i, 2] = x, y, z
+            sine, cosine = elementary_kernels.sin_cos(_turn_rad(turns_hz[k] * time_s[column] + phase[k]))
+            normals[k, 0], normals[k, 1], normals[k, 2] = (
+                faces[k, 0],
+                faces[k, 1] * cosine,
+                faces[k, 1] * sine,
+            )
+        for line in range(len(beams)):
+            x, y, z = beams[line, 0], 0.0, beams[line, 1]
+            for k in range(len(turns_hz)):
+                for face in range(2):
+                    nx, ny, nz = 1.0, 0.0, 0.0
+                    if exits[k] == (face == 1):
+                        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
+                    ratio = 1.0 / index if face == 0 else index
+                    along = nx * x + ny * y + nz * z
+                    # Past the angle of total reflection the beam grazes the face.
+                    bent = math.sqrt(max(1.0 - ratio * ratio * (1.0 - along * along), 0.0)) - ratio * along
+                    x, y, z = ratio * x + bent * nx, ratio * y + bent * ny, ratio * z + bent * nz
+            i = column * len(beams) + line
+            out[i, 0], out[i, 1], out[i, 2] = x, y, z

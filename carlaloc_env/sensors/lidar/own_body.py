@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.vehicles.roof_rack import roof_rack
-from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
-from carlaloc_env.sensors.lidar.sweep_rays import SweepRays
+from carlaloc_env.sensors.lidar.sweep_rays import SweepRays, rotated
 from carlaloc_env.sensors.lidar_config import LidarConfig
 
 _TALL, _WIDE = 230, 720
@@ -35,21 +34,22 @@ class OwnBody:
         if self._kept is not None:
             return self._kept
         if self._is_constant:
-            hits = self._cast(rays.origins_base_m, rays.directions_base)
+            hits = self._cast(rays.aimed_origins_m, rays.aimed)
             self._kept = hits, np.flatnonzero(~np.isfinite(hits.range_m))
             return self._kept
         is_near = np.empty(len(rays), np.bool_)
-        _look_up(rays.directions, self._near, is_near)
+        _look_up(rays.directions, rays.turn, self._near, is_near)
         near = np.flatnonzero(is_near)
-        hits = Hits.none(len(rays))
-        origins_m = rays.origins_base_m[near] if len(rays.origins_base_m) else rays.origins_base_m
-        hits.put(near, self._cast(origins_m, rays.directions_base[near]))
+        hits, R, origins_m = Hits.none(len(rays)), rays.R_base_aimed, rays.aimed_origins_m
+        if len(origins_m):
+            origins_m = rotated(R, origins_m[near])
+        hits.put(near, self._cast(origins_m, rotated(R, rays.aimed[near])))
         return hits, np.flatnonzero(~np.isfinite(hits.range_m))
 
     def _cast(self, origins_m: Array, directions: Array) -> Hits:
+        """Hits of rays from places counted from the sensor in `base_link`, (0, 3): from itself."""
         config = self._config
-        if not len(origins_m):
-            origins_m = np.broadcast_to(config.mount.T_base_sensor[:3, 3], directions.shape)
+        origins_m = config.mount.T_base_sensor[:3, 3] + (origins_m if len(origins_m) else 0.0 * directions)
         rack = roof_rack() if config.roof_rack else None
         return self._world.rays().cast_ego(origins_m, directions, config.range_max_m, rack)
 
@@ -62,8 +62,8 @@ class OwnBody:
         ahead = np.where(around < 1.0, 1.0, -1.0) * (1.0 - np.abs(left))
         flat = np.sqrt(1.0 - up * up)[:, None] / np.sqrt(ahead * ahead + left * left)
         local = np.stack([flat * ahead, flat * left, np.broadcast_to(up[:, None], flat.shape)], axis=-1)
-        R_base_lidar = transforms.from_rotation(self._config.mount.T_base_sensor[:3, :3])
-        hits = self._cast(np.empty((0, 3)), transforms.apply(R_base_lidar, local.reshape(-1, 3)))
+        R_base_lidar = self._config.mount.T_base_sensor[:3, :3]
+        hits = self._cast(np.empty((0, 3)), rotated(R_base_lidar, local.reshape(-1, 3)))
         near = np.isfinite(hits.range_m).reshape(_TALL, _WIDE)
         for axis in (0, 1):
             near = np.any([np.roll(near, k, axis) for k in range(-_ROUND, _ROUND + 1)], axis=0)
@@ -71,10 +71,14 @@ class OwnBody:
 
 
 @compiled
-def _look_up(directions: Array, cells: NDArray[np.bool_], out: NDArray[np.bool_]) -> None:
+def _look_up(
+    directions: Array, turn: tuple[float, float], cells: NDArray[np.bool_], out: NDArray[np.bool_]
+) -> None:
     """Cells of N unit directions: rows by height, columns by the angle around in parts of a square's edge."""
+    cosine, sine = turn
     for i in range(len(directions)):
         x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
+        x, y = cosine * x - sine * y, sine * x + cosine * y
         left = y / max(abs(x) + abs(y), 1e-12)
         around = left if x >= 0.0 else 2.0 - left
         row = min(int(0.5 * _TALL * (z + 1.0)), _TALL - 1)

@@ -74,7 +74,7 @@ class ScanPattern:
             if config.receiver.edge_rays:
                 range_m, material = body.range_m.copy(), body.material.copy()
                 range_m[free], material[free] = free_hits.range_m, free_hits.material
-                edges = np.flatnonzero(on_edges(range_m, material, len(sweep.column_ns))[free])
+                edges = np.flatnonzero(on_edges(range_m, material, len(sweep) // config.rings)[free])
                 along = part_beams(aimed[edges, 3:].astype(np.float64), config.receiver)
                 mixed, share[free[edges]] = self._mixed(
                     free_hits.take(edges), aimed[edges], along, stamps_ns[edges], timeline, power
@@ -137,11 +137,11 @@ class ScanPattern:
         Poses are read at the start of each column; within its few microseconds the motion is
         continued with constant velocity and rate, which is exact to a nanometre.
         """
-        motion = timeline.ego_motion(stamp_ns + sweep.column_ns)
+        motion = timeline.ego_motion(stamp_ns + sweep.knot_ns)
         aimed = np.empty((len(rays), 6), np.float32)
         aim(
             rays,
-            PatternRays(sweep.column, sweep.later_s, sweep.directions_base, sweep.origins_base_m),
+            PatternRays(sweep.knot, sweep.later_s, sweep.aimed, sweep.aimed_origins_m, sweep.R_base_aimed),
             self._lever_m,
             ColumnMotion(
                 position_m=motion.position_m - self._world.rays().middle_m,

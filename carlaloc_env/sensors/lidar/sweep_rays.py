@@ -15,36 +15,47 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.jit import compiled
 from carlaloc_env.sensors.lidar.optics import pattern_directions
 from carlaloc_env.sensors.lidar_config import LidarConfig
+
+_KNOT_NS = 1e5
+"""Least time between readings of the car's motion where sweeps differ [ns]; it moves on by 0.1 µm at most
+besides constant velocity and rate, seen at 100 m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SweepRays:
-    """Rays of one sweep, R of them in C columns; those of one column in the order of firing."""
+    """Rays of one sweep, R of them column by column; those of one column in the order of firing."""
 
-    column_ns: NDArray[np.int64]
-    """Time of each column after the sweep began [ns], shape (C,)."""
-    column: Index
-    """Column of each ray, shape (R,)."""
+    knot_ns: NDArray[np.int64]
+    """Times after the sweep began at which the car's motion is read [ns], shape (K,)."""
+    knot: Index
+    """The last of these times before each ray, shape (R,)."""
     later_s: Array
-    """Time of each ray after its column began [s], shape (R,)."""
+    """Time of each ray after its knot [s], shape (R,)."""
     ring: NDArray[np.uint16]
     """Beam of each ray as clouds number it, shape (R,)."""
     offset_ns: NDArray[np.uint32]
     """Time of each ray after the sweep began [ns], shape (R,)."""
     directions: Array
-    """Unit directions in the sensor frame, shape (R, 3)."""
+    """Unit directions in the sensor frame before the turn, shape (R, 3)."""
     origins_m: Array
-    """Where rays begin in the sensor frame [m], shape (R, 3); (0, 3): at its origin."""
-    directions_base: Array
-    """Unit directions in `base_link`, shape (R, 3)."""
-    origins_base_m: Array
-    """Where rays begin in `base_link` [m], shape (R, 3) or (0, 3)."""
+    """Where rays begin there [m], shape (R, 3); (0, 3): at its origin."""
+    turn: tuple[float, float]
+    """Cosine and sine of the turn of this sweep about the sensor's z axis."""
+    aimed: Array
+    """Unit directions in a frame that `R_base_aimed` maps to `base_link`, shape (R, 3)."""
+    aimed_origins_m: Array
+    """Where rays begin there, counted from the sensor [m], shape (R, 3) or (0, 3)."""
+    R_base_aimed: Array
+    """Rotation of that frame, shape (3, 3)."""
 
     def __len__(self) -> int:
-        return len(self.column)
+        return len(self.knot)
+
+    def turned(self, vectors: Array) -> Array:
+        """Some of `directions` or `origins_m` after the turn: in the sensor frame, shape (N, 3)."""
+        return rotated(_about_z(self.turn), vectors)
 
 
 class RayPattern:
@@ -53,9 +64,11 @@ class RayPattern:
     def __init__(self, config: LidarConfig) -> None:
         self._config = config
         self._columns = config.columns_per_sweep
-        self._T_base_lidar = config.mount.T_base_sensor
+        self._R_base_lidar = config.mount.T_base_sensor[:3, :3]
         self.is_constant = config.pattern is None and self._columns.denominator == 1
         """Whether all sweeps have the same rays."""
+        column_ns = config.sweep_ns / float(self._columns)
+        self._per_knot = 1 if self.is_constant else math.ceil(_KNOT_NS / column_ns)
         firing = np.array(config.firing_ns or [0] * config.rings, dtype=np.int64)
         self._order = np.argsort(firing, kind="stable")
         self._firing_ns = firing[self._order]
@@ -75,24 +88,32 @@ class RayPattern:
         config = self._config
         columns = np.arange(config.columns_most)
         column_ns = np.round(columns * config.sweep_ns / float(self._columns)).astype(np.int64)
+        knot = columns // self._per_knot
+        knot_ns = column_ns[:: self._per_knot]
         firing_ns = self._firing_ns
         if config.sectors:
             column_ns = columns * config.sectors // config.columns * config.sweep_ns // config.sectors
             firing_ns = np.zeros_like(firing_ns)
         ring = (config.rings - 1 - self._order) if config.rings_from_top else self._order
         directions, origins_m = self._beams(columns)
+        R_base_lidar, aimed, aimed_origins_m = np.eye(3), directions, origins_m
+        if self.is_constant:
+            R = transforms.from_rotation(self._R_base_lidar)
+            aimed, aimed_origins_m = transforms.apply(R, directions), transforms.apply(R, origins_m)
+        else:
+            R_base_lidar = self._R_base_lidar
         return SweepRays(
-            column_ns=column_ns,
-            column=np.repeat(columns, config.rings),
-            later_s=np.tile(1e-9 * firing_ns, config.columns_most),
+            knot_ns=knot_ns,
+            knot=np.repeat(knot, config.rings),
+            later_s=(1e-9 * ((column_ns - knot_ns[knot])[:, None] + firing_ns)).reshape(-1),
             ring=np.tile(ring.astype(np.uint16), config.columns_most),
             offset_ns=(column_ns[:, None] + firing_ns).reshape(-1).astype(np.uint32),
             directions=directions,
             origins_m=origins_m,
-            directions_base=transforms.apply(
-                transforms.from_rotation(self._T_base_lidar[:3, :3]), directions
-            ),
-            origins_base_m=transforms.apply(self._T_base_lidar, origins_m),
+            turn=(1.0, 0.0),
+            aimed=aimed,
+            aimed_origins_m=aimed_origins_m,
+            R_base_aimed=R_base_lidar,
         )
 
     def _beams(self, columns: Index) -> tuple[Array, Array]:
@@ -120,37 +141,30 @@ class RayPattern:
         columns, late_ns = float(self._columns), round(waits * config.sweep_ns / float(self._columns))
         count = math.ceil(columns - waits)
         angle_rad = -math.radians(config.span_deg) * waits / columns
-        cosine, sine = float(elementary.cos(angle_rad)), float(elementary.sin(angle_rad))
-        turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        rays = slice(count * config.rings)
-        origins_m = np.empty_like(first.origins_m[rays])
-        _carry(turn, np.zeros(3), first.origins_m[rays], origins_m)
-        same = {name: getattr(first, name)[rays] for name in ("column", "later_s", "ring")}
-        column_ns, offset_ns = first.column_ns[:count] + late_ns, first.offset_ns[rays] + np.uint32(late_ns)
-        turned = replace(first, column_ns=column_ns, offset_ns=offset_ns, origins_m=origins_m, **same)
-        return self._aimed(turned, turn, first.directions[rays])
+        turn = float(elementary.cos(angle_rad)), float(elementary.sin(angle_rad))
+        kept = slice(count * config.rings)
+        some = ("knot", "later_s", "ring", "directions", "origins_m", "aimed", "aimed_origins_m")
+        return replace(
+            first,
+            **{name: getattr(first, name)[kept] for name in some},
+            knot_ns=first.knot_ns[: -(-count // self._per_knot)] + late_ns,
+            offset_ns=first.offset_ns[kept] + np.uint32(late_ns),
+            turn=turn,
+            R_base_aimed=rotated(self._R_base_lidar, _about_z(turn).T).T,
+        )
 
     def _bent(self, stamp_ns: int, seed: int) -> SweepRays:
-        """Rays of a pattern from a stamp on [ns]."""
-        time_s = 1e-9 * (stamp_ns + self._first.offset_ns.astype(np.int64))
-        line = np.tile(self._order, self._config.columns_most)
-        return self._aimed(self._first, np.eye(3), pattern_directions(self._config, seed, line, time_s))
-
-    def _aimed(self, rays: SweepRays, turn: Array, directions: Array) -> SweepRays:
-        """Rays along directions (R, 3) that are turned by a matrix first."""
-        local, base = np.empty_like(directions), np.empty_like(directions)
-        origins_base_m = np.empty_like(rays.origins_m)
-        T = self._T_base_lidar
-        _carry(turn, np.zeros(3), directions, local)
-        _carry(np.ascontiguousarray(T[:3, :3]), np.zeros(3), local, base)
-        _carry(np.ascontiguousarray(T[:3, :3]), T[:3, 3].copy(), rays.origins_m, origins_base_m)
-        return replace(rays, directions=local, directions_base=base, origins_base_m=origins_base_m)
+        """Rays of a pattern from a stamp on [ns]; all lines of a column share the state of the optics."""
+        time_s = 1e-9 * (stamp_ns + self._first.offset_ns[:: self._config.rings].astype(np.int64))
+        directions = pattern_directions(self._config, seed, self._order, time_s)
+        return replace(self._first, directions=directions, aimed=directions)
 
 
-@compiled
-def _carry(turn: Array, by: Array, vectors: Array, out: Array) -> None:
-    """Turn N vectors by a matrix and move them, shape (N, 3)."""
-    for i in range(len(vectors)):
-        x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
-        for k in range(3):
-            out[i, k] = turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z + by[k]
+def rotated(R: Array, vectors: Array) -> Array:
+    """N vectors turned by a rotation (3, 3), shape (N, 3)."""
+    return transforms.apply(transforms.from_rotation(R), vectors)
+
+
+def _about_z(turn: tuple[float, float]) -> Array:
+    cosine, sine = turn
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

@@ -38,7 +38,7 @@ def second_of(config: LidarConfig, sweeps: int | None = None) -> tuple[Array, Ar
     rays, parts = RayPattern(config), []
     for stamp in range(0, (sweeps or round(config.rate_hz)) * config.sweep_ns, config.sweep_ns):
         one = rays.sweep(stamp, 0)
-        parts.append((stamp + one.offset_ns.astype(np.int64), one.ring, one.directions))
+        parts.append((stamp + one.offset_ns.astype(np.int64), one.ring, one.turned(one.directions)))
     times, rings, directions = (np.concatenate(part) for part in zip(*parts, strict=True))
     return times, rings, directions
 
@@ -139,8 +139,11 @@ def test_the_own_body_shadows_rays_that_differ_in_every_sweep(scenery: Any, name
     one = RayPattern(config).sweep(300_000_000, world.seed)
     rays = {key: k for k, key in enumerate(zip(one.offset_ns.tolist(), one.ring.tolist(), strict=True))}
     index = np.array([rays[key] for key in zip(bare.offset_ns.tolist(), bare.ring.tolist(), strict=True)])
-    origins = one.origins_base_m[index] if len(one.origins_m) else np.array(mount.position_m)
-    along = transforms.apply(transforms.from_rotation(mount.T_base_sensor[:3, :3]), one.directions[index])
+    along, origins = (
+        transforms.apply(transforms.from_rotation(mount.T_base_sensor[:3, :3]), one.turned(vectors)[index])
+        for vectors in (one.directions, one.origins_m if len(one.origins_m) else 0.0 * one.directions)
+    )
+    origins += np.array(mount.position_m)
     with np.errstate(divide="ignore"):
         a, b = (low - origins) / along, (high - origins) / along
     near, far = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)

@@ -129,9 +129,9 @@ def test_rays_are_those_of_livoxs_tables_at_their_phases(name: str, monkeypatch:
     monkeypatch.setattr(optics.clock, "stream", lambda *_: Phases())
     config = LidarConfig(**LidarConfig.preset_values(name))
     firing, line, azimuth, elevation = np.array(ROWS[name]).T
-    along = optics.pattern_directions(
-        config, 0, config.rings - 1 - line.astype(int), 1e-9 * config.cycle_ns * firing
-    )
+    time_s = 1e-9 * config.cycle_ns * firing
+    all_lines = optics.pattern_directions(config, 0, np.arange(config.rings)[::-1], time_s)
+    along = all_lines.reshape(len(firing), -1, 3)[np.arange(len(firing)), line.astype(int)]
     a, e = np.radians(azimuth), np.radians(elevation)
     rows = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=1)
     assert np.degrees(np.arccos(np.sum(along * rows, axis=1))).max() < 0.5
