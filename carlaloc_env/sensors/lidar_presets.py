@@ -38,34 +38,34 @@ _HELIOS_CHANNELS_DEG = (
     15.0, 13.0, 11.0, 9.0, 7.0, 5.5, 4.0, 2.67, 1.33, 0.0, -1.33, -2.67, -4.0, -5.33, -6.67, -8.0, -10.0,
     -16.0, -13.0, -19.0, -22.0, -28.0, -25.0, -31.0, -34.0, -37.0, -40.0, -43.0, -46.0, -49.0, -52.0, -55.0,
 )  # fmt: skip
-_SPINNING: Mapping[str, Any] = {"rate_hz": 10.0, "columns": 0, "attenuation_per_m": 0.0}
+
+
+def _common(layout: str, cycle_ns: float, range_m: tuple[float, float], noise_m: float) -> dict[str, Any]:
+    """Values that all have: driver, time of a column, 0 for columns by their number, range and its noise."""
+    return {
+        **{"rate_hz": 10.0, "attenuation_per_m": 0.0, "layout": layout, "columns": 0, "cycle_ns": cycle_ns},
+        **{"range_min_m": range_m[0], "range_max_m": range_m[1], "range_noise_m": noise_m},
+    }
 
 
 def _os1(step: int) -> dict[str, Any]:
-    """An OS1 of revision 7 that has every so-manieth of the rows of the one with 128."""
+    """An OS1 of revision 7: of the 128 rows it has the first of each few."""
     rows = range(0, 128, step)[::-1]
-    elevations_deg = []
-    for row in rows:
-        u = (2 * row - 127) / 127
-        elevations_deg.append(round(-0.760 - 22.25 * u + 0.019 * u * u + 1.025 * u * u * u, 3))
+    u = [(2 * row - 127) / 127 for row in rows]
     return {
-        **_SPINNING,
-        "elevations_deg": tuple(elevations_deg),
+        **_common("ouster", 0.0, (0.5, 90.0), 0.015),
+        "elevations_deg": tuple(round(-0.760 - 22.25 * v + 0.019 * v * v + 1.025 * v * v * v, 3) for v in u),
         "azimuth_offsets_deg": tuple(_OS1_AZIMUTHS_DEG[row % 4] for row in rows),
         "origins_m": ((0.016721, 0.0, 0.0),),
         "rings_from_top": True,
         "columns": 1024,
-        "range_min_m": 0.5,
-        "range_max_m": 90.0,
-        "range_noise_m": 0.015,
-        "layout": "ouster",
     }
 
 
 def _hdl64e() -> dict[str, Any]:
     lasers = [*(32 + laser for laser in _HDL64E_BLOCK), *_HDL64E_BLOCK]
     return {
-        **_SPINNING,
+        **_common("velodyne", 48_000.0, (0.9, 120.0), 0.02),
         "elevations_deg": (
             *(round(-24.33 + k / 2, 2) for k in range(32)),
             *(round(2.0 - (31 - k) / 3, 2) for k in range(32)),
@@ -75,63 +75,42 @@ def _hdl64e() -> dict[str, Any]:
             (0.0, -0.026 if laser % 2 else 0.026, 0.20 if laser < 32 else 0.11) for laser in lasers
         ),
         "firing_ns": tuple(6000 * (laser % 32 // 4) + (0, 1260, 2460, 3660)[laser % 4] for laser in lasers),
-        "cycle_ns": 48_000.0,
-        "range_min_m": 0.9,
-        "range_max_m": 120.0,
-        "range_noise_m": 0.02,
-        "layout": "velodyne",
     }
 
 
 def _helios() -> dict[str, Any]:
     channels = sorted(range(32), key=lambda channel: _HELIOS_CHANNELS_DEG[channel])
     return {
-        **_SPINNING,
+        **_common("robosense", 55_560.0, (0.2, 150.0), 0.01),
         "elevations_deg": tuple(_HELIOS_CHANNELS_DEG[channel] for channel in channels),
         "origins_m": ((0.03498, 0.015, 0.0),),
         "firing_ns": tuple(1730 * channel for channel in channels),
-        "cycle_ns": 55_560.0,
-        "range_min_m": 0.2,
-        "range_max_m": 150.0,
-        "range_noise_m": 0.01,
-        "layout": "robosense",
     }
 
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "vlp16": {
-        **_SPINNING,
+        **_common("velodyne", 55_296.0, (0.9, 100.0), 0.015),
         "elevations_deg": tuple(-15.0 + 2.0 * r for r in range(16)),
         "origins_m": tuple((0.0, 0.0, 1e-3 * up_mm) for up_mm in _VLP16_UP_MM),
         "firing_ns": tuple(2304 * (2 * r if r < 8 else 2 * (r - 8) + 1) for r in range(16)),
-        "cycle_ns": 55_296.0,
-        "range_min_m": 0.9,
-        "range_max_m": 100.0,
-        "range_noise_m": 0.015,
-        "layout": "velodyne",
     },
     "hdl64e": _hdl64e(),
     "os1_32": _os1(4),
     "os1_64": _os1(2),
     "os1_128": _os1(1),
     "pandar_xt32": {
-        **_SPINNING,
+        **_common("hesai", 50_000.0, (0.05, 80.0), 0.005),
         "elevations_deg": tuple(r - 16.0 for r in range(32)),
         "rings_from_top": True,
         "firing_ns": tuple(368 + 1512 * (31 - r) for r in range(32)),
-        "cycle_ns": 50_000.0,
-        "range_min_m": 0.05,
-        "range_max_m": 80.0,
-        "range_noise_m": 0.005,
-        "layout": "hesai",
     },
     "helios_32": _helios(),
     "mid360": {
-        **_SPINNING,
+        **_common("livox", 20_000.0, (0.1, 40.0), 0.02),
         "elevations_deg": (-2.79, -0.93, 0.93, 2.79),
         "rings_from_top": True,
         "firing_ns": (15_000, 10_000, 5_000, 0),
-        "cycle_ns": 20_000.0,
         "pattern": FanPattern(
             turns_hz=182.41667,
             nods_hz=10.0,
@@ -141,18 +120,13 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
             wide_deg=(0.048, 0.110, 0.278, 2.794, -0.201, -0.654, -0.099),
             field_deg=(-7.2, 52.2),
         ),
-        "range_min_m": 0.1,
-        "range_max_m": 40.0,
-        "range_noise_m": 0.02,
         "diffuse_intensity": 150.0,
-        "layout": "livox",
     },
     "avia": {
-        **_SPINNING,
+        **_common("livox", 25_000.0, (1.0, 190.0), 0.02),
         "elevations_deg": (-2.170, -1.302, -0.434, 0.434, 1.302, 2.170),
         "rings_from_top": True,
         "firing_ns": (20_833, 16_667, 12_500, 8333, 4167, 0),
-        "cycle_ns": 25_000.0,
         "pattern": WedgePattern(
             wedge_deg=(27.12, 0.916, 26.50),
             turns_hz=(131.55, -213.15, -40.80),
@@ -161,20 +135,14 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
             field_deg=(-38.6, 38.6),
             width_deg=70.6,
         ),
-        "range_min_m": 1.0,
-        "range_max_m": 190.0,
-        "range_noise_m": 0.02,
         "diffuse_intensity": 150.0,
-        "layout": "livox",
     },
     "aeries2": {
-        **_SPINNING,
+        **_common("aeva", 0.0, (1.0, 500.0), 0.02),
         "elevations_deg": tuple(round(-15.0 + 30.0 * k / 79, 3) for k in range(80)),
         "columns": 1250,
         "span_deg": 120.0,
-        "range_max_m": 500.0,
         "doppler": True,
-        "layout": "aeva",
     },
 }
 """Values of LiDARs by the names of their presets."""

@@ -19,11 +19,11 @@ class PatternRays(NamedTuple):
     later_s: Array
     """Time between the beginning of its column and the ray [s], (R,)."""
     direction: Array
-    """Unit direction in the frame of aiming, (R, 3)."""
+    """Unit direction in the sensor's frame before the turn, (R, 3)."""
     origin_m: Array
-    """Where it begins there, counted from the sensor [m], (R, 3); (0, 3): at the sensor."""
-    rotation: Array
-    """Maps the frame of aiming to the car's, (3, 3)."""
+    """Where it begins there [m], (R, 3); (0, 3): at the origin."""
+    R_base: Array
+    """Maps directions there to the car's frame, (3, 3)."""
 
 
 class ColumnMotion(NamedTuple):
@@ -114,7 +114,7 @@ def aim(rays: Index, pattern: PatternRays, lever_m: Array, motion: ColumnMotion,
     column, later_s, local = pattern.column, pattern.later_s, pattern.direction
     position_m, quat_xyzw = motion.position_m, motion.quat_xyzw
     velocity_mps, omega_radps = motion.velocity_mps, motion.omega_radps
-    own_origins, q = len(pattern.origin_m) > 0, pattern.rotation
+    own_origins, q = len(pattern.origin_m) > 0, pattern.R_base
     for row in range(len(rays)):
         ray = rays[row]
         c, dt = column[ray], later_s[ray]
@@ -123,7 +123,7 @@ def aim(rays: Index, pattern: PatternRays, lever_m: Array, motion: ColumnMotion,
             xx, xy, xz = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw)
             yx, yy, yz = 2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw)
             zx, zy, zz = 2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)
-            # The car's rotation after that of aiming, and the car's rate in the frame of aiming.
+            # The car's rotation after that of the sensor, and the car's rate in the sensor's axes.
             m00, m01, m02 = _times(xx, xy, xz, q)
             m10, m11, m12 = _times(yx, yy, yz, q)
             m20, m21, m22 = _times(zx, zy, zz, q)

@@ -42,7 +42,7 @@ def pattern_directions(config: LidarConfig, seed: int, lines: Index, time_s: Arr
     lean_rad = np.radians(np.array(pattern.wedge_deg))
     faces = np.stack([elementary.cos(lean_rad), elementary.sin(lean_rad)], axis=1)
     beams = np.stack([elementary.cos(line_rad), elementary.sin(line_rad)], axis=1)
-    wedges = np.array(pattern.turns_hz), faces, exits, np.empty((len(exits), 3))
+    wedges = np.array(pattern.turns_hz), faces, exits, np.empty((3, len(beams)))
     _wedges(beams, time_s, wedges, phase, pattern.index, directions)
     return directions
 
@@ -51,6 +51,15 @@ def pattern_directions(config: LidarConfig, seed: int, lines: Index, time_s: Arr
 def _turn_rad(turns: float) -> float:
     """Angle of some turns in 0 to 2π, however many they are [rad]."""
     return 2.0 * math.pi * (turns - math.floor(turns))
+
+
+@inlined
+def _small(x: float) -> tuple[float, float]:
+    """Sine and cosine of an angle up to 0.2 rad, to 1e-11, by their series [rad]."""
+    z = x * x
+    return x * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0))), 1.0 - 0.5 * z * (
+        1.0 - z / 12.0 * (1.0 - z / 30.0 * (1.0 - z / 56.0))
+    )
 
 
 @compiled
@@ -84,12 +93,16 @@ def _fan(
         for j in range(7):
             above, left = above + tall[j] * cosine, left + wide[j] * sine
             sine, cosine = sine * nod_cosine - cosine * nod_sine, cosine * nod_cosine + sine * nod_sine
-        left /= elementary_kernels.cos(e)
+        middle_up, middle_flat = elementary_kernels.sin_cos(e)
+        middle_sine, middle_cosine = elementary_kernels.sin_cos(a)
         for line in range(len(share)):
-            up, flat = elementary_kernels.sin_cos(e + share[line] * above)
-            sine, cosine = elementary_kernels.sin_cos(a + share[line] * left)
+            sine, cosine = _small(share[line] * above)
+            up, flat = middle_up * cosine + middle_flat * sine, middle_flat * cosine - middle_up * sine
+            sine, cosine = _small(share[line] * left / middle_flat)
             i = column * len(share) + line
-            out[i, 0], out[i, 1], out[i, 2] = flat * cosine, flat * sine, up
+            out[i, 0] = flat * (middle_cosine * cosine - middle_sine * sine)
+            out[i, 1] = flat * (middle_sine * cosine + middle_cosine * sine)
+            out[i, 2] = up
 
 
 @compiled
@@ -102,26 +115,25 @@ def _wedges(
     out: Array,
 ) -> None:
     """Directions of a `WedgePattern`: Snell's law at both faces of every wedge; phases are in turns."""
-    turns_hz, faces, exits, normals = wedges
+    turns_hz, faces, exits, beam = wedges
+    lines = len(beams)
     for column in range(len(time_s)):
+        for line in range(lines):
+            beam[0, line], beam[1, line], beam[2, line] = beams[line, 0], 0.0, beams[line, 1]
         for k in range(len(turns_hz)):
             sine, cosine = elementary_kernels.sin_cos(_turn_rad(turns_hz[k] * time_s[column] + phase[k]))
-            normals[k, 0], normals[k, 1], normals[k, 2] = (
-                faces[k, 0],
-                faces[k, 1] * cosine,
-                faces[k, 1] * sine,
-            )
-        for line in range(len(beams)):
-            x, y, z = beams[line, 0], 0.0, beams[line, 1]
-            for k in range(len(turns_hz)):
-                for face in range(2):
-                    nx, ny, nz = 1.0, 0.0, 0.0
-                    if exits[k] == (face == 1):
-                        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
-                    ratio = 1.0 / index if face == 0 else index
+            for face in range(2):
+                nx, ny, nz = 1.0, 0.0, 0.0
+                if exits[k] == (face == 1):
+                    nx, ny, nz = faces[k, 0], faces[k, 1] * cosine, faces[k, 1] * sine
+                ratio = 1.0 / index if face == 0 else index
+                for line in range(lines):
+                    x, y, z = beam[0, line], beam[1, line], beam[2, line]
                     along = nx * x + ny * y + nz * z
                     # Past the angle of total reflection the beam grazes the face.
                     bent = math.sqrt(max(1.0 - ratio * ratio * (1.0 - along * along), 0.0)) - ratio * along
-                    x, y, z = ratio * x + bent * nx, ratio * y + bent * ny, ratio * z + bent * nz
-            i = column * len(beams) + line
-            out[i, 0], out[i, 1], out[i, 2] = x, y, z
+                    beam[0, line], beam[1, line] = ratio * x + bent * nx, ratio * y + bent * ny
+                    beam[2, line] = ratio * z + bent * nz
+        for line in range(lines):
+            for axis in range(3):
+                out[column * lines + line, axis] = beam[axis, line]

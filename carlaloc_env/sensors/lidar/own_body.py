@@ -33,18 +33,18 @@ class OwnBody:
         """Hits on the body of all rays of a sweep, and the rays that pass it."""
         if self._kept is not None:
             return self._kept
-        if self._is_constant:
-            hits = self._cast(rays.aimed_origins_m, rays.aimed)
-            self._kept = hits, np.flatnonzero(~np.isfinite(hits.range_m))
-            return self._kept
-        is_near = np.empty(len(rays), np.bool_)
-        _look_up(rays.directions, rays.turn, self._near, is_near)
-        near = np.flatnonzero(is_near)
-        hits, R, origins_m = Hits.none(len(rays)), rays.R_base_aimed, rays.aimed_origins_m
+        near: Index | slice = slice(None)
+        if not self._is_constant:
+            is_near = np.empty(len(rays), np.bool_)
+            _look_up(rays.directions, rays.turn, self._near, is_near)
+            near = np.flatnonzero(is_near)
+        hits, origins_m = Hits.none(len(rays)), rays.origins_m
         if len(origins_m):
-            origins_m = rotated(R, origins_m[near])
-        hits.put(near, self._cast(origins_m, rotated(R, rays.aimed[near])))
-        return hits, np.flatnonzero(~np.isfinite(hits.range_m))
+            origins_m = rotated(rays.R_base, origins_m[near])
+        hits.put(near, self._cast(origins_m, rotated(rays.R_base, rays.directions[near])))
+        found = hits, np.flatnonzero(~np.isfinite(hits.range_m))
+        self._kept = found if self._is_constant else None
+        return found
 
     def _cast(self, origins_m: Array, directions: Array) -> Hits:
         """Hits of rays from places counted from the sensor in `base_link`, (0, 3): from itself."""

@@ -141,7 +141,7 @@ class ScanPattern:
         aimed = np.empty((len(rays), 6), np.float32)
         aim(
             rays,
-            PatternRays(sweep.knot, sweep.later_s, sweep.aimed, sweep.aimed_origins_m, sweep.R_base_aimed),
+            PatternRays(sweep.knot, sweep.later_s, sweep.directions, sweep.origins_m, sweep.R_base),
             self._lever_m,
             ColumnMotion(
                 position_m=motion.position_m - self._world.rays().middle_m,

@@ -43,12 +43,8 @@ class SweepRays:
     """Where rays begin there [m], shape (R, 3); (0, 3): at its origin."""
     turn: tuple[float, float]
     """Cosine and sine of the turn of this sweep about the sensor's z axis."""
-    aimed: Array
-    """Unit directions in a frame that `R_base_aimed` maps to `base_link`, shape (R, 3)."""
-    aimed_origins_m: Array
-    """Where rays begin there, counted from the sensor [m], shape (R, 3) or (0, 3)."""
-    R_base_aimed: Array
-    """Rotation of that frame, shape (3, 3)."""
+    R_base: Array
+    """Maps directions before the turn to `base_link`, shape (3, 3)."""
 
     def __len__(self) -> int:
         return len(self.knot)
@@ -88,20 +84,13 @@ class RayPattern:
         config = self._config
         columns = np.arange(config.columns_most)
         column_ns = np.round(columns * config.sweep_ns / float(self._columns)).astype(np.int64)
-        knot = columns // self._per_knot
-        knot_ns = column_ns[:: self._per_knot]
         firing_ns = self._firing_ns
         if config.sectors:
             column_ns = columns * config.sectors // config.columns * config.sweep_ns // config.sectors
             firing_ns = np.zeros_like(firing_ns)
+        knot, knot_ns = columns // self._per_knot, column_ns[:: self._per_knot]
         ring = (config.rings - 1 - self._order) if config.rings_from_top else self._order
         directions, origins_m = self._beams(columns)
-        R_base_lidar, aimed, aimed_origins_m = np.eye(3), directions, origins_m
-        if self.is_constant:
-            R = transforms.from_rotation(self._R_base_lidar)
-            aimed, aimed_origins_m = transforms.apply(R, directions), transforms.apply(R, origins_m)
-        else:
-            R_base_lidar = self._R_base_lidar
         return SweepRays(
             knot_ns=knot_ns,
             knot=np.repeat(knot, config.rings),
@@ -111,9 +100,7 @@ class RayPattern:
             directions=directions,
             origins_m=origins_m,
             turn=(1.0, 0.0),
-            aimed=aimed,
-            aimed_origins_m=aimed_origins_m,
-            R_base_aimed=R_base_lidar,
+            R_base=self._R_base_lidar,
         )
 
     def _beams(self, columns: Index) -> tuple[Array, Array]:
@@ -143,21 +130,21 @@ class RayPattern:
         angle_rad = -math.radians(config.span_deg) * waits / columns
         turn = float(elementary.cos(angle_rad)), float(elementary.sin(angle_rad))
         kept = slice(count * config.rings)
-        some = ("knot", "later_s", "ring", "directions", "origins_m", "aimed", "aimed_origins_m")
+        some = ("knot", "later_s", "ring", "directions", "origins_m")
         return replace(
             first,
             **{name: getattr(first, name)[kept] for name in some},
             knot_ns=first.knot_ns[: -(-count // self._per_knot)] + late_ns,
             offset_ns=first.offset_ns[kept] + np.uint32(late_ns),
             turn=turn,
-            R_base_aimed=rotated(self._R_base_lidar, _about_z(turn).T).T,
+            R_base=rotated(self._R_base_lidar, _about_z(turn).T).T,
         )
 
     def _bent(self, stamp_ns: int, seed: int) -> SweepRays:
         """Rays of a pattern from a stamp on [ns]; all lines of a column share the state of the optics."""
         time_s = 1e-9 * (stamp_ns + self._first.offset_ns[:: self._config.rings].astype(np.int64))
         directions = pattern_directions(self._config, seed, self._order, time_s)
-        return replace(self._first, directions=directions, aimed=directions)
+        return replace(self._first, directions=directions)
 
 
 def rotated(R: Array, vectors: Array) -> Array:
