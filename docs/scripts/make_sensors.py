@@ -156,7 +156,7 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
             f"\nValues: {_doc(type(sensor).streams)}\n",
             _presets(cls),
             "**Parameters.**\n",
-            _parameters(cls()),
+            _parameters(config),
         ]
     )
 

@@ -40,7 +40,7 @@ def plot_rig(rig: SensorRig, path: str | Path, *, overwrite: bool = False) -> Pa
     figure.suptitle(f"Rig {rig.name}: base_link, on the ground below the rear axle")
     corners_m = np.asarray(body.vertices_m, np.float64)[body.triangles]
     for axes, (title, shown, label) in zip(figure.subplots(2, 1, sharex=True), _VIEWS, strict=True):
-        axes.add_collection(PolyCollection(corners_m[:, :, list(shown)], color="#d9d9d9", lw=0))
+        axes.add_collection(PolyCollection(list(corners_m[:, :, list(shown)]), color="#d9d9d9", lw=0))
         axes.plot(0.0, 0.0, "+", color="black", ms=12)
         for k, (place, sensors) in enumerate(places.items()):
             colour = COLOURS[k % len(COLOURS)]

@@ -219,5 +219,7 @@ class LidarSensor(Sensor):
                 uniform=uniform[:, 5],
             )
         seen, echo_hits, intensity = self._echoes.in_weather(hits, air, spray, uniform)
-        parts = {"rays": rays[seen], "share": cast.share[seen], "relief_m": cast.relief_m[seen]}
-        return dataclasses.replace(cast, hits=echo_hits, **parts), intensity
+        share, relief_m = cast.share[seen], cast.relief_m[seen]
+        return Cast(
+            rays=rays[seen], sweep=cast.sweep, hits=echo_hits, share=share, relief_m=relief_m
+        ), intensity

@@ -89,12 +89,13 @@ class RayPattern:
             column_ns = columns * config.sectors // config.columns * config.sweep_ns // config.sectors
             firing_ns = np.zeros_like(firing_ns)
         knot, knot_ns = columns // self._per_knot, column_ns[:: self._per_knot]
+        later_ns = (column_ns - knot_ns[knot])[:, None] + firing_ns
         ring = (config.rings - 1 - self._order) if config.rings_from_top else self._order
         directions, origins_m = self._beams(columns)
         return SweepRays(
             knot_ns=knot_ns,
             knot=np.repeat(knot, config.rings),
-            later_s=(1e-9 * ((column_ns - knot_ns[knot])[:, None] + firing_ns)).reshape(-1),
+            later_s=1e-9 * later_ns.reshape(-1).astype(np.float64),
             ring=np.tile(ring.astype(np.uint16), config.columns_most),
             offset_ns=(column_ns[:, None] + firing_ns).reshape(-1).astype(np.uint32),
             directions=directions,
@@ -142,7 +143,8 @@ class RayPattern:
 
     def _bent(self, stamp_ns: int, seed: int) -> SweepRays:
         """Rays of a pattern from a stamp on [ns]; all lines of a column share the state of the optics."""
-        time_s = 1e-9 * (stamp_ns + self._first.offset_ns[:: self._config.rings].astype(np.int64))
+        begun_ns = self._first.offset_ns[:: self._config.rings].astype(np.int64)
+        time_s = 1e-9 * (stamp_ns + begun_ns).astype(np.float64)
         directions = pattern_directions(self._config, seed, self._order, time_s)
         return replace(self._first, directions=directions)
 
