@@ -9,7 +9,7 @@ import tokenize
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-BUDGETS = {"carlaloc_env + recorder": 61_600, "tests": 32_200}
+BUDGETS = {"carlaloc_env + recorder": 62_200, "tests": 32_600}
 LAYOUT = {getattr(tokenize, name) for name in ("COMMENT", "NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER")}
 
 
