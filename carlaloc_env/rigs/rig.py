@@ -19,7 +19,7 @@ from carlaloc_env.faults.faults import Faults
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Sensor, SensorConfig, World
 from carlaloc_env.sensors.limits import SENSORS_MAX
-from carlaloc_env.sensors.registry import SENSOR_KINDS
+from carlaloc_env.sensors.registry import SENSOR_KINDS, config_class, kind_word
 from carlaloc_env.timeline.timeline import Timeline
 
 _KEYS = ("name", "extends", "sensors", "faults")
@@ -71,7 +71,7 @@ class SensorRig:
 
     def to_mapping(self) -> dict[str, Any]:
         """The rig in plain data."""
-        entries = [{"kind": sensor.kind, **to_mapping(sensor)} for sensor in self.sensors]
+        entries = [{"kind": kind_word(sensor), **to_mapping(sensor)} for sensor in self.sensors]
         faults = {"faults": self.faults.to_mapping()} if self.faults else {}
         return {"name": self.name, "sensors": entries, **faults}
 
@@ -211,7 +211,7 @@ def _changed(entry: Any, sensors: list[SensorConfig], where: str) -> SensorConfi
     """The sensor of the extended rig that an entry changes; None: the entry is a new sensor."""
     if not isinstance(entry, Mapping):
         return None
-    alike = [sensor for sensor in sensors if sensor.kind == entry.get("kind")]
+    alike = [sensor for sensor in sensors if entry.get("kind") in (sensor.kind, kind_word(sensor))]
     if "name" in entry:
         return next((sensor for sensor in alike if sensor.name == entry["name"]), None)
     if len(alike) > 1:
@@ -224,9 +224,10 @@ def _sensor(entry: Any, where: str, base: Mapping[str, Any] | None = None) -> Se
     if not isinstance(entry, Mapping) or "kind" not in entry:
         raise ConfigError(f"{where}: the key 'kind' is missing; use one of {', '.join(SENSOR_KINDS)}")
     kind = str(entry["kind"])
-    if kind not in SENSOR_KINDS:
-        raise ConfigError(f"{where}: {unknown_name('kind of sensor', kind, SENSOR_KINDS)}")
-    config = SENSOR_KINDS[kind]
+    try:
+        config = config_class(kind)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
     values = {key: value for key, value in entry.items() if key not in ("kind", "preset")}
     where = f"{where} ({kind})"
     try:

@@ -23,6 +23,8 @@ from carlaloc_env.timeline.timeline import Timeline
 
 ORIENTATIONS = ("none", "truth")
 """What `ImuConfig.orientation` may be."""
+LAYOUTS = ("ouster", "ouster_2021", "hesai", "robosense", "livox")
+"""Drivers of LiDARs with an IMU inside, whose messages a bag can have."""
 _DPS, _G = math.pi / 180.0, GRAVITY_MPS2
 """One degree [rad] and one g [m/s²], the units of data sheets."""
 IMU_GRADES: dict[str, dict[str, float]] = {
@@ -139,6 +141,8 @@ class ImuConfig(SensorConfig):
     """Attitude in the sample: ``none``, or ``truth`` with `orientation_noise_rad`; world is ENU."""
     orientation_noise_rad: float = 0.0
     """Standard deviation of that attitude per axis [rad]."""
+    layout: str | None = None
+    """Driver of the LiDAR that holds it, whose messages bags have beside the project's own; None: none."""
 
     def __post_init__(self) -> None:
         SensorConfig.__post_init__(self)
@@ -149,6 +153,8 @@ class ImuConfig(SensorConfig):
             raise ConfigError(
                 f"IMU '{self.name}': {unknown_name('orientation', self.orientation, ORIENTATIONS)}"
             )
+        if self.layout is not None and self.layout not in LAYOUTS:
+            raise ConfigError(f"IMU '{self.name}': {unknown_name('layout', self.layout, LAYOUTS)}")
 
     def build(self, world: World) -> ImuSensor:
         """The IMU in a world."""

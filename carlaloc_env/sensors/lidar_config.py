@@ -28,8 +28,12 @@ PAPER_ELEVATIONS_DEG: tuple[float, ...] = tuple(round(-30.0 + 40.0 * i / 31, 9) 
 """32 beams evenly from −30° to +10°, as CARLA's LiDAR spaces them [deg]."""
 OUTPUTS = ("cloud", "semantic")
 """Streams that a LiDAR can give."""
-LAYOUTS = ("velodyne", "ouster", "ouster_2021", "hesai", "robosense", "livox", "aeva")
-"""Drivers whose messages a bag can have."""
+LAYOUTS = (
+    *("velodyne", "ouster", "ouster_2021", "hesai", "robosense", "aeva"),
+    *("livox", "livox_ros_driver", "livox_ros_driver2", "livox_points"),
+)
+"""Drivers whose messages a bag can have. `livox` is the message of livox_ros_driver in bags of ROS 1 and of
+livox_ros_driver2 in those of ROS 2; the two after it fix the package; `livox_points` is a PointCloud2."""
 _PER_BEAM = ("firing_ns", "azimuth_offsets_deg", "origins_m")
 OWN_ROOF_M, OWN_CAR_M = 2.0, 3.0
 """Distances within which a LiDAR on the roof may see the car: roof and rack, bonnet and boot as well [m]."""
@@ -211,6 +215,8 @@ class LidarConfig(SensorConfig):
     """Streams: ``cloud`` (named as the sensor) and ``semantic`` (with ``_semantic`` behind)."""
     layout: str | None = None
     """Driver whose message the cloud has in bags beside the project's own; None: none."""
+    time_unit: str = "s"
+    """Unit of points' times in the layout `velodyne`: ``s``, or ``us`` as FAST-LIO2's velodyne.yaml wants."""
 
     def __post_init__(self) -> None:
         what = f"LiDAR '{self.name}'"
@@ -234,6 +240,8 @@ class LidarConfig(SensorConfig):
             raise ConfigError(f"{given}; give 0 to 255, and 100 with a receiver, which is Velodyne's")
         if self.layout is not None and self.layout not in LAYOUTS:
             raise ConfigError(f"{what}: {unknown_name('layout', self.layout, LAYOUTS)}")
+        if self.time_unit != "s" and (self.time_unit, self.layout) != ("us", "velodyne"):
+            raise ConfigError(f"{what}: time_unit is {self.time_unit}; give s, or us with layout velodyne")
         if not self.outputs or set(self.outputs) - set(OUTPUTS):
             raise ConfigError(f"{what}: outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}")
 

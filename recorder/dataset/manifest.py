@@ -16,14 +16,13 @@ import yaml
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
 from carlaloc_env.core.files.atomic_files import atomic_write
-from carlaloc_env.core.files.config_files import to_mapping
 from carlaloc_env.core.files.library_versions import library_version
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.checksums import file_sha256, write_checksums
 from recorder.dataset.layout import DATASET, DatasetFolder, SequenceFolder, sequences_below
 from recorder.episode.episode import Episode
-from recorder.writers.topic_profiles import profile_by_name
+from recorder.writers.topic_profiles import profile_for
 from recorder.writers.topics import TopicProfile
 
 VERSIONED = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
@@ -79,7 +78,7 @@ class DatasetManifest:
             WriterError: the profile is unknown.
             ConfigError: the description is damaged.
         """
-        return profile_by_name(str(self._of(town, "topics")))
+        return profile_for(str(self._of(town, "topics")), self.rig(town).sensors)
 
     def _of(self, town: str, name: str) -> Any:
         try:
@@ -117,7 +116,7 @@ def drive_origin(
         "noise_seed": seed,
         "stretch_s": [span_ns[0] / 1e9, span_ns[1] / 1e9],
         "topics": topics,
-        "rig": {"name": rig.name, "sensors": [{"kind": s.kind, **to_mapping(s)} for s in rig.sensors]},
+        "rig": {key: rig.to_mapping()[key] for key in ("name", "sensors")},
     }
     plain: dict[str, Any] = yaml.safe_load(as_yaml(origin))
     return plain

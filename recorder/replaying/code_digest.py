@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import sys
 from pathlib import Path
 
 import carlaloc_env
 import recorder
 from carlaloc_env.core.files.library_versions import library_version
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.dataset.manifest import VERSIONED
 
 _SUFFIXES = (".py", ".glsl", ".vert", ".frag", ".jinja")
@@ -26,3 +29,12 @@ def code_digest() -> str:
     for name in VERSIONED:
         digest.update(f"{name} {library_version(name)}\n".encode())
     return digest.hexdigest()
+
+
+def own_code_digest(rig: SensorRig, topics: str) -> str:
+    """SHA-256 of the files of a user's own sensors and topics; empty: there are none."""
+    own = {type(sensor) for sensor in rig.sensors} - set(SENSOR_KINDS.values())
+    files = {str(sys.modules[kind.__module__].__file__) for kind in own}
+    if ".py:" in topics:
+        files.add(topics.rpartition(":")[0])
+    return " ".join(hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in sorted(files))

@@ -7,6 +7,7 @@ from pathlib import Path
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.files.config_files import set_paths
+from carlaloc_env.core.own_code import absolute_word
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.render.views import check_quality
 from carlaloc_env.rigs.presets import rig_by_name
@@ -31,7 +32,7 @@ class ReplayOptions:
     formats: tuple[str, ...] = ("rosbag1", "euroc")
     """Dataset formats."""
     topics: str = "standard"
-    """Topic profile of bags."""
+    """Topic profile of bags: its name, or ``mine.py:PROFILE``."""
     truth_tf: bool = False
     """Whether bags have the car's true pose as the transform `/tf`, `map` → `base_link`."""
     clock: bool = False
@@ -56,6 +57,8 @@ class ReplayOptions:
     def __post_init__(self) -> None:
         check_formats(self.formats)
         check_quality(self.quality)
+        # Workers may have another folder of work.
+        object.__setattr__(self, "topics", absolute_word(self.topics))
         profile_by_name(self.topics)
         made = sorted({"kitti", "dsec", "nuscenes", "colmap", "doppler_icp"} & set(self.formats))
         if self.faults.calibration and made:

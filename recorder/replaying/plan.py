@@ -21,7 +21,7 @@ from recorder.episode.episode import Episode
 from recorder.episode.episode_town import check_kept_town, town_id_of
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import past_s
-from recorder.replaying.code_digest import code_digest
+from recorder.replaying.code_digest import code_digest, own_code_digest
 from recorder.replaying.conditions import conditions_of
 from recorder.replaying.cost import ReplayCost, replay_cost
 from recorder.replaying.options import ReplayConfig, rig_of, without_unwritten
@@ -117,6 +117,7 @@ class ReplayPlan:
             "quality": recipe.quality,
             "length of units": repr(self.config.unit_s),
             "version of CarlaLoc": code_digest(),
+            "own sensors and topics": own_code_digest(self.rig, recipe.topics),
         }
 
     def check_room(self) -> bool:

@@ -37,7 +37,7 @@ from recorder.writers.formats.tum import write_truth
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
-from recorder.writers.topic_profiles import profile_by_name
+from recorder.writers.topic_profiles import profile_for
 
 if TYPE_CHECKING:
     from recorder.writers.formats.town_ground import TownGround
@@ -128,7 +128,7 @@ def _bags(
     writer: Callable[..., Writer] = Rosbag1Writer
     options: dict[str, Any] = {"compression": kind or "none"}
     if family == "rosbag2":
-        texts = calibration_texts(calibration, profile_by_name(recipe.topics))
+        texts = calibration_texts(calibration, profile_for(recipe.topics, calibration.sensors))
         encoder, writer = Ros2Encoder, Rosbag2Writer
         options = {"storage": kind or "mcap", "about": about, "attachments": texts}
     profiles = {"": recipe.topics}

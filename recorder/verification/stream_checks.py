@@ -12,7 +12,7 @@ from recorder.dataset.bag_messages import Stamps, stamps_in
 from recorder.dataset.layout import files_below
 from recorder.dataset.reading_checks import check_gaps
 from recorder.writers.formats.nuscenes_tables import VERSION
-from recorder.writers.ros.messages import ENCODERS
+from recorder.writers.ros.messages import message_type
 from recorder.writers.topics import TopicProfile
 
 _PAIR = ("rgb_left", "rgb_right")
@@ -30,7 +30,7 @@ def check_bag(bag: Path, samples: Mapping[str, int], profile: TopicProfile) -> I
         profile: Topics of the bag.
     """
     stamps_by_topic = stamps_in(bag)
-    expected = expected_counts(samples, profile)
+    expected = expected_counts(samples, profile, ros1=bag.suffix == ".bag")
     for (topic, kind), stamps in sorted(stamps_by_topic.items()):
         wanted = expected.get((topic, kind))
         if wanted is not None and wanted != len(stamps):
@@ -42,8 +42,10 @@ def check_bag(bag: Path, samples: Mapping[str, int], profile: TopicProfile) -> I
         yield from check_pair(f"{left} and {right}", by_topic[left], by_topic[right])
 
 
-def expected_counts(samples: Mapping[str, int], profile: TopicProfile) -> dict[tuple[str, str], int]:
-    """Number of messages by topic and type that samples become."""
+def expected_counts(
+    samples: Mapping[str, int], profile: TopicProfile, *, ros1: bool
+) -> dict[tuple[str, str], int]:
+    """Number of messages by topic and type that samples become in a bag of ROS 1 or 2."""
     counts: Counter[tuple[str, str]] = Counter()
     kinds = {rule.sample for rule in profile.rules}
     for stream, number in samples.items():
@@ -51,7 +53,7 @@ def expected_counts(samples: Mapping[str, int], profile: TopicProfile) -> dict[t
             if _TRUTH_STREAMS.get(kind, stream) != stream:
                 continue
             for route in profile.routes(kind, stream, samples):
-                counts[route.topic, ENCODERS[route.message][0]] += number
+                counts[route.topic, message_type(route.message, ros1=ros1)] += number
     return dict(counts)
 
 

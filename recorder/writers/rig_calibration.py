@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -138,6 +138,8 @@ class RigCalibration:
     """For every sensor frame, the map to `base_link`, shape (4, 4)."""
     more_imus: tuple[ImuCalibration, ...] = ()
     """Further IMUs, whose noise messages state."""
+    sensors: tuple[SensorConfig, ...] = ()
+    """The configurations that it was made of; drivers' messages need more of them."""
 
     def T(self, to_frame: str, from_frame: str) -> Array:
         """Maps coordinates of one frame to another, shape (4, 4).
@@ -179,6 +181,7 @@ class RigCalibration:
     @classmethod
     def from_configs(cls, configs: Iterable[SensorConfig]) -> RigCalibration:
         """Calibration of a rig's sensor configurations; the first IMU and LiDAR count."""
+        configs = tuple(configs)
         cameras: list[CameraCalibration] = []
         imu: ImuCalibration | None = None
         lidar: LidarCalibration | None = None
@@ -196,7 +199,8 @@ class RigCalibration:
                 others[config.frame_id] = T_base_sensor
                 if config.kind == "imu":
                     more_imus.append(_imu(config, T_base_sensor))
-        return cls.of(cameras=cameras, imu=imu, lidar=lidar, others=others, more_imus=more_imus)
+        made = cls.of(cameras=cameras, imu=imu, lidar=lidar, others=others, more_imus=more_imus)
+        return replace(made, sensors=configs)
 
 
 def _camera(config: Any, T_base_camera: Array) -> CameraCalibration:

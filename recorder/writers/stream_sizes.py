@@ -18,7 +18,8 @@ from carlaloc_env.samples import (
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.weather.schedule import Weather
-from recorder.writers.topic_profiles import profile_by_name
+from recorder.writers.topic_profiles import profile_for
+from recorder.writers.topics import TopicProfile
 
 Size = float | tuple[float, float, float, float]
 """Size of a pixel or point, or share of it; four where they differ by sky: bright, dim, fog, night."""
@@ -38,7 +39,9 @@ EVENT_BYTES, EVENT_BYTES_PER_MPS = (0.6, 0.4, 0.14, 0.6), (1.65, 0.9, 0.17, 1.23
 MESSAGE_BYTES: dict[str, Size] = {
     "image_rgb8": 3.0, "image_mono8": 1.0, "image_32fc1": 4.0, "image_tags": 1.0, "image_32fc2": 8.0,
     "image_32fc3": 12.0, "image_instances": 4.0, "event_array": 1.0, "points": 22.0, "points_labelled": 27.0,
-    "points_of_the_town": 22.0, "video": 0.05, "cloud_draco": 1.75, "depth_png": 0.11, "tags_png": 0.02,
+    "points_of_the_town": 22.0, "points_us": 22.0, "points_ouster": 53.0, "points_ouster_2021": 48.0,
+    "points_hesai": 26.0, "points_robosense": 29.0, "points_aeva": 48.0, "points_livox": 29.0, "livox": 21.0,
+    "livox_1": 21.0, "livox_2": 22.0, "video": 0.05, "cloud_draco": 1.75, "depth_png": 0.11, "tags_png": 0.02,
 }  # fmt: skip
 """Size of a pixel, a point or a byte of events in a message."""
 BAGS = ("rosbag1", "rosbag1_lz4", "rosbag1_bz2", "rosbag2", "rosbag2_sqlite3")
@@ -156,16 +159,17 @@ def stream_sizes(
             ends = ["" if output == "cloud" else "_semantic" for output in config.outputs]
             streams += [(PointCloud, f"{config.name}{end}", count, fired) for end in ends]
     names = [stream for _, stream, _, _ in streams]
+    profiles = [profile_for(name, rig.sensors) for name in (topics, "paper_seg")[: 1 + (topics == "paper")]]
     radars_hz = sum(sensor.rate_hz for sensor in rig.of_kind("radar"))
     for name in formats:
-        other = stretch.whole_s * _other_bytes_s(topics, name, radars_hz, stretch.actors)
+        other = stretch.whole_s * _other_bytes_s(profiles[0], name, radars_hz, stretch.actors)
         yield StreamSize(name, None, other * len(skies), other, is_sure=False)
         for kind, stream, count, fired in streams:
             # Of a LiDAR's two clouds, these hold the one with labels.
             if name in ("kitti", "nuscenes", "doppler_icp") and f"{stream}_semantic" in names:
                 continue
             for number, sky in enumerate(skies):
-                whole, packed = _element_bytes(topics, name, kind, stream, names, sky)
+                whole, packed = _element_bytes(profiles, name, kind, stream, names, sky)
                 packed = min(whole, fired * packed) if packed < whole else packed
                 some = count * (event_bytes(sky, stretch.speed_mps) if kind is Events else 1.0)
                 spooled = some * whole * (number == 0 or kind in (Image, Events))
@@ -174,15 +178,20 @@ def stream_sizes(
 
 
 def _element_bytes(
-    topics: str, format_name: str, kind: type[Sample], stream: str, streams: Sequence[str], sky: int
+    profiles: Sequence[TopicProfile],
+    format_name: str,
+    kind: type[Sample],
+    stream: str,
+    streams: Sequence[str],
+    sky: int,
 ) -> tuple[float, float]:
     """Size of a pixel, a point or a byte of events in a format, before and after a bag packs it [bytes]."""
     if format_name not in BAGS:
         size = by_sky(FILE_BYTES[format_name].get(kind, 0.0), sky)
         return size, size
     whole = packed = 0.0
-    for profile in (topics, *(["paper_seg"] if topics == "paper" else [])):
-        for route in profile_by_name(profile).routes(kind, stream, streams):
+    for profile in profiles:
+        for route in profile.routes(kind, stream, streams):
             size = by_sky(MESSAGE_BYTES.get(route.message, 0.0), sky)
             whole += size
             packed += size * _share(format_name, route.message, sky)
@@ -197,12 +206,12 @@ def _share(format_name: str, message: str, sky: int) -> float:
     return min(1.0, by_sky(SHARES[message], sky) * factor) if message in SHARES else 1.0
 
 
-def _other_bytes_s(topics: str, format_name: str, radars_hz: float, actors: float) -> float:
+def _other_bytes_s(profile: TopicProfile, format_name: str, radars_hz: float, actors: float) -> float:
     """Size of a second of all that is neither picture nor point in a format [bytes]."""
     if format_name not in BAGS:
         own = radars_hz * FILE_RADAR_BYTES.get(format_name, 0.0)
         return own + FILE_OTHER_BYTES_S + (FILE_ACTOR_BYTES_S * actors if format_name == "raw" else 0.0)
     sizes = {"radar_points": RADAR_BYTES[0] * radars_hz, "radar_scan": RADAR_BYTES[1] * radars_hz}
     sizes |= {"objects": ACTOR_BYTES_S[0] * actors, "object_table": ACTOR_BYTES_S[1] * actors}
-    size = SMALL_BYTES_S + sum(sizes.get(rule.message, 0.0) for rule in profile_by_name(topics).rules)
+    size = SMALL_BYTES_S + sum(sizes.get(rule.message, 0.0) for rule in profile.rules)
     return size * _share(format_name, "other", 0)

@@ -1,6 +1,10 @@
 """All topic profiles by name."""
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 from carlaloc_env.core.errors import WriterError, unknown_name
+from carlaloc_env.core.own_code import own_object
 from carlaloc_env.samples import (
     DepthImage,
     Events,
@@ -17,6 +21,8 @@ from carlaloc_env.samples import (
     Speed,
     WheelTicks,
 )
+from carlaloc_env.sensors.base import SensorConfig
+from recorder.writers.driver_layouts import driver_rules
 from recorder.writers.topics import TopicProfile, TopicRule
 
 STANDARD = TopicProfile(
@@ -41,6 +47,7 @@ STANDARD = TopicProfile(
         TopicRule(ObjectList, "*", "/ground_truth/objects", "objects"),
         TopicRule(ObjectList, "*", "/ground_truth/object_table", "object_table"),
     ),
+    drivers=True,
 )
 """Every sensor but the event cameras, with the sensors' transforms."""
 FULL = TopicProfile(
@@ -50,6 +57,7 @@ FULL = TopicProfile(
         TopicRule(Events, "events_*", "/camera/{}/events", "event_array"),
         TopicRule(SemanticImage, "semantic_*", "/camera/{}/instance", "image_instances"),
     ),
+    drivers=True,
 )
 """`STANDARD`, events (up to 0.5 GB a second of driving) and images of instance ids, 3.7 MB each."""
 PAPER = TopicProfile(
@@ -68,11 +76,13 @@ SLAM = TopicProfile(
     rules=(
         TopicRule(Image, "rgb_*", "/camera/{}/image_raw", "image_mono8"),
         TopicRule(Image, "rgb_*", "/camera/{}/camera_info", "camera_info"),
-        TopicRule(PointCloud, "lidar", "/lidar/points", "points"),
+        TopicRule(PointCloud, "*_semantic", "/{}/points", "points", unless="{}"),
+        TopicRule(PointCloud, "*", "/{}/points", "points"),
         TopicRule(Imu, "*", "/{}/data", "imu"),
         TopicRule(GnssFix, "*", "/{}/fix", "nav_sat_fix"),
         TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
     ),
+    drivers=True,
 )
 """For SLAM systems: grey images and the plain cloud, a third of the size of `STANDARD`."""
 PAPER_SEG = TopicProfile(
@@ -119,11 +129,25 @@ TRUTH_TF = TopicRule(Odometry, "*", "/tf", "truth_tf")
 
 
 def profile_by_name(name: str) -> TopicProfile:
-    """The profile of a name.
+    """The profile of a name, or that of a user's file: ``mine.py:PROFILE``.
 
     Raises:
         WriterError: there is none; the message names the nearest.
+        ConfigError: the file has no such profile.
     """
-    if name not in PROFILES:
-        raise WriterError(unknown_name("topic profile", name, PROFILES))
-    return PROFILES[name]
+    if name in PROFILES:
+        return PROFILES[name]
+    if ":" in name:
+        return own_object(name, TopicProfile)
+    raise WriterError(unknown_name("topic profile", name, PROFILES) + ", or FILE.py:PROFILE")
+
+
+def profile_for(name: str, sensors: Iterable[SensorConfig]) -> TopicProfile:
+    """The profile of a name with the drivers' messages of some sensors, where it has such.
+
+    Raises:
+        WriterError: there is none; the message names the nearest.
+        ConfigError: the file has no such profile.
+    """
+    profile = profile_by_name(name)
+    return replace(profile, rules=(*profile.rules, *driver_rules(sensors))) if profile.drivers else profile

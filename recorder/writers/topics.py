@@ -1,7 +1,7 @@
 """Topic profiles: rules for the topic and the message of each stream."""
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 
 from carlaloc_env.samples import Sample
 
@@ -22,6 +22,8 @@ class TopicRule:
     """Frame in the message's header; None: the sample's."""
     unless: str | None = None
     """Not written when the rig has this stream (with ``{}`` as above), which holds the same and more."""
+    beside: bool = False
+    """Whether it is written beside what other patterns give, and keeps its topic: a driver's message."""
 
     def match(self, stream: str) -> str | None:
         """Text that the ``*`` matches, or None if the rule is for other streams."""
@@ -51,9 +53,13 @@ class TopicProfile:
     name: str
     """Name of the profile."""
     rules: tuple[TopicRule, ...]
-    """Rules; for each stream those of the first stream pattern that fits count."""
+    """Rules; for each stream those of the first stream pattern that fits count, and those `beside`."""
     tf_static: bool = True
     """Whether `/tf_static` is written."""
+    drivers: bool = False
+    """Whether sensors with a `layout` have their driver's messages, too, see `driver_layouts`."""
+    definitions: Mapping[str, str] = field(default_factory=dict)
+    """Definitions of message types that rosbags lacks, by names such as ``my_msgs/Ranges``."""
 
     def routes(
         self, kind: type[Sample], stream: str, streams: Collection[str] | None = None
@@ -67,15 +73,18 @@ class TopicProfile:
         """
         routes: list[TopicRoute] = []
         pattern: str | None = None
+        kept = {rule.topic for rule in self.rules if rule.beside}
         for rule in self.rules:
-            part = rule.match(stream) if rule.sample is kind and pattern in (None, rule.stream) else None
+            counts = rule.sample is kind and (rule.beside or pattern in (None, rule.stream))
+            part = rule.match(stream) if counts else None
             if part is None:
                 continue
-            pattern = rule.stream
+            pattern = pattern if rule.beside else rule.stream
             if rule.unless is None or rule.unless.format(part) not in (streams or ()):
-                routes.append(
-                    TopicRoute(topic=rule.topic.format(part), message=rule.message, frame_id=rule.frame_id)
-                )
+                topic = rule.topic.format(part)
+                if topic in kept and not rule.beside:
+                    topic = f"/{stream}{topic}"
+                routes.append(TopicRoute(topic=topic, message=rule.message, frame_id=rule.frame_id))
         return tuple(routes)
 
     def topic(self, kind: type[Sample], stream: str) -> str:

@@ -13,7 +13,7 @@ from recorder.writers.base import write_text
 from recorder.writers.calibration.basalt import basalt_fits, basalt_json
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.text_templates import filled
-from recorder.writers.topic_profiles import profile_by_name
+from recorder.writers.topic_profiles import profile_for
 from recorder.writers.topics import TopicProfile
 
 EXTRINSICS = "extrinsics.yaml"
@@ -45,7 +45,7 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
     Raises:
         WriterError: a file exists or cannot be written.
     """
-    texts = calibration_texts(rig, profile_by_name(profile))
+    texts = calibration_texts(rig, profile_for(profile, rig.sensors))
     return [write_text(path_below(folder, name), text) for name, text in texts.items()]
 
 

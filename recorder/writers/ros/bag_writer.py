@@ -10,14 +10,17 @@ import numpy as np
 from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.samples import Events, Sample
+from carlaloc_env.samples import Events, PointCloud, Sample
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer
+from recorder.writers.driver_layouts import driver_frames
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.ros.compact_messages import I420
+from recorder.writers.ros.driver_messages import with_livox_points
 from recorder.writers.ros.message_parts import Message, make_typestore
-from recorder.writers.ros.messages import ENCODERS, MessageMaker
+from recorder.writers.ros.messages import MessageMaker, message_type
 from recorder.writers.ros.video import VideoEncoder
-from recorder.writers.topic_profiles import TRUTH_TF, profile_by_name
+from recorder.writers.topic_profiles import TRUTH_TF, profile_for
 
 _CLOCK_PERIOD_NS = 10_000_000
 _VIDEO = "foxglove_msgs/msg/CompressedVideo"
@@ -56,17 +59,29 @@ class BagEncoder(Encoder):
         if epoch_ns <= 0:
             raise WriterError(f"epoch {epoch_ns} ns; ROS needs times after 0")
         self.calibration = calibration
-        self.profile = profile_by_name(profile)
+        self.profile = profile_for(profile, calibration.sensors)
         if truth_tf:
             self.profile = replace(self.profile, rules=(*self.profile.rules, TRUTH_TF))
         self.clock = clock
         self._streams = streams
-        self.typestore = make_typestore(self.store)
+        self.typestore = make_typestore(self.store, self.profile.definitions)
+        self._is_ros1 = self.store is Stores.ROS1_NOETIC
+        self._lidars = {one.frame_id: one for one in calibration.sensors if isinstance(one, LidarConfig)}
+        self.frames = {
+            **calibration.frames,
+            **(driver_frames(calibration.sensors) if self.profile.drivers else {}),
+        }
+        """For every frame of the messages, the map to `base_link`, shape (4, 4)."""
         pinholes = {camera.stream: camera.pinhole for camera in calibration.cameras}
         lenses = {camera.stream: camera.lens for camera in calibration.cameras}
         imus = {imu.name: imu for imu in (calibration.imu, *calibration.more_imus) if imu is not None}
         self.maker = MessageMaker(
-            self.typestore, epoch_ns=epoch_ns, pinholes=pinholes, lenses=lenses, imus=imus
+            self.typestore,
+            epoch_ns=epoch_ns,
+            pinholes=pinholes,
+            lenses=lenses,
+            imus=imus,
+            lidars=self._lidars,
         )
 
     def encode(self, sample: Sample) -> list[Piece]:
@@ -75,10 +90,13 @@ class BagEncoder(Encoder):
         for route in self.profile.routes(type(sample), sample.sensor, self._streams):
             # Without a topic the message is not counted: the writer counts, which sees them in order.
             message = self.maker.make(route.message, sample, "", route.frame_id)
-            kind = ENCODERS[route.message][0]
+            kind = message_type(route.message, ros1=self._is_ros1)
             data = self.serialise(message, kind)
             if isinstance(sample, Events):
                 data = self._with_events(data, sample)
+            elif isinstance(sample, PointCloud) and route.message.startswith("livox"):
+                lidar = self._lidars[sample.frame_id]
+                data = with_livox_points(data, lidar, sample, is_cdr=not self._is_ros1)
             pieces.append(Piece(sample.stamp_ns, route.topic, kind, data))
         return pieces
 
@@ -130,7 +148,7 @@ class BagWriter(Writer):
         return Piece(piece.stamp_ns, piece.place, piece.kind, self.encoder.serialise(message, piece.kind))
 
     def _write_tf_static(self, stamp_ns: int) -> None:
-        frames = self.encoder.calibration.frames
+        frames = self.encoder.frames
         if self.encoder.profile.tf_static and frames:
             kind = "tf2_msgs/msg/TFMessage"
             message = self.encoder.maker.tf_static(BASE_FRAME, frames, stamp_ns)

@@ -12,6 +12,8 @@ from rosbags.typesys.store import Typestore
 from carlaloc_env.core import transforms as geometry
 from carlaloc_env.core.camera_model import Lens, Pinhole
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.samples import Sample
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from recorder.writers.rig_calibration import ImuCalibration
 from recorder.writers.text_templates import filled
 
@@ -19,8 +21,8 @@ Message = Any
 """An object of one of the typestore's classes, which exist at run time only."""
 MAP_FRAME = "map"
 """Frame of true poses in ROS messages: the world, east, north, up (REP 105)."""
-_FLOAT32, _UINT32, _UINT16, _UINT8 = 7, 6, 4, 2
-_DATATYPES = {"<f4": _FLOAT32, "<u4": _UINT32, "<u2": _UINT16, "|u1": _UINT8}
+_DATATYPES = {"<f8": 8, "<f4": 7, "<u4": 6, "<i4": 5, "<u2": 4, "|u1": 2}
+"""Numbers that `sensor_msgs/PointField` has for datatypes."""
 _DEFINED = (
     "tf2_msgs/TFMessage",
     "derived_object_msgs/Object",
@@ -31,18 +33,31 @@ _DEFINED = (
     "foxglove_msgs/CompressedPointCloud",
     "dvs_msgs/Event",
     "dvs_msgs/EventArray",
+    "livox_ros_driver/CustomPoint",
+    "livox_ros_driver/CustomMsg",
+    "livox_ros_driver2/CustomPoint",
+    "livox_ros_driver2/CustomMsg",
 )
 """Message types that rosbags lacks, at least for ROS 1; their definitions lie in ``templates/ros``."""
 
 
-def make_typestore(store: Stores = Stores.ROS1_NOETIC) -> Typestore:
-    """Type store with all message types that the writers use."""
+def make_typestore(
+    store: Stores = Stores.ROS1_NOETIC, definitions: Mapping[str, str] | None = None
+) -> Typestore:
+    """Type store with all message types that the writers use.
+
+    Args:
+        store: Version of ROS.
+        definitions: Further types, definitions by names such as ``my_msgs/Ranges``.
+    """
     typestore = get_typestore(store)
     time = "time" if store == Stores.ROS1_NOETIC else "builtin_interfaces/Time"
-    for name in _DEFINED:
+    # Livox's two packages have the same messages.
+    files = {name: filled(f"ros/{name.replace('driver2', 'driver')}.msg", time=time) for name in _DEFINED}
+    for name, text in {**files, **(definitions or {})}.items():
         kind = name.replace("/", "/msg/")
         if kind not in typestore.types:
-            typestore.register(get_types_from_msg(filled(f"ros/{name}.msg", time=time), kind))
+            typestore.register(get_types_from_msg(text, kind))
     return typestore
 
 
@@ -60,6 +75,7 @@ class MessageParts:
         pinholes: Mapping[str, Pinhole],
         lenses: Mapping[str, Lens] | None = None,
         imus: Mapping[str, ImuCalibration] | None = None,
+        lidars: Mapping[str, LidarConfig] | None = None,
     ) -> None:
         """Make a maker of parts.
 
@@ -69,11 +85,14 @@ class MessageParts:
             pinholes: Intrinsics by name of the colour stream.
             lenses: Distortion by name of the colour stream; none where left out.
             imus: Noise by name of the stream of an IMU; unknown where left out.
+            lidars: LiDARs by frame, whose drivers' messages are made.
         """
         self.typestore = typestore
-        self._epoch_ns = epoch_ns
+        self.epoch_ns = epoch_ns
+        """Added to every stamp [ns]."""
         self._pinholes = pinholes
         self._lenses = lenses or {}
+        self._lidars = lidars or {}
         # White noise of density N has the variance N² · rate in each sample.
         self._imu_variances = {
             name: (
@@ -96,7 +115,7 @@ class MessageParts:
 
     def time(self, stamp_ns: int) -> Message:
         """Time message of a stamp since the drive began [ns]."""
-        total = self._epoch_ns + stamp_ns
+        total = self.epoch_ns + stamp_ns
         return self.new("builtin_interfaces/Time", sec=total // 10**9, nanosec=total % 10**9)
 
     def header(self, stamp_ns: int, frame_id: str, topic: str = "") -> Message:
@@ -122,9 +141,9 @@ class MessageParts:
             data=data.reshape(-1).view(np.uint8),
         )
 
-    def table(self, header: Message, rows: NDArray[np.void]) -> Message:
-        """PointCloud2 of structured rows (N,), one field per column, none of them padded."""
-        dtype = rows.dtype
+    def table(self, header: Message, rows: NDArray[np.void], *, is_dense: bool = True) -> Message:
+        """PointCloud2 of structured rows (N,) or a grid of them (H, W), one field per column."""
+        dtype, (height, width) = rows.dtype, np.atleast_2d(rows).shape
         offsets = {name: entry[1] for name, entry in (dtype.fields or {}).items()}
         fields = [
             self.new(
@@ -139,14 +158,14 @@ class MessageParts:
         return self.new(
             "sensor_msgs/PointCloud2",
             header=header,
-            height=1,
-            width=len(rows),
+            height=height,
+            width=width,
             fields=fields,
             is_bigendian=False,
             point_step=dtype.itemsize,
-            row_step=dtype.itemsize * len(rows),
-            data=rows.view(np.uint8),
-            is_dense=True,
+            row_step=dtype.itemsize * width,
+            data=np.ascontiguousarray(rows).reshape(-1).view(np.uint8),
+            is_dense=is_dense,
         )
 
     def vector(self, xyz: NDArray[np.float64]) -> Message:
@@ -206,6 +225,16 @@ class MessageParts:
         if stream not in self._pinholes:
             raise WriterError(f"no calibration of camera stream '{stream}'; give the rig to the writer")
         return self._pinholes[stream]
+
+    def lidar(self, sample: Sample) -> LidarConfig:
+        """The LiDAR of a cloud.
+
+        Raises:
+            WriterError: the calibration does not know it.
+        """
+        if sample.frame_id not in self._lidars:
+            raise WriterError(f"no LiDAR '{sample.frame_id}' in the calibration; give it the rig's sensors")
+        return self._lidars[sample.frame_id]
 
     def imu_covariances(self, stream: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Covariances of a sample's specific force [m²/s⁴] and body rate [rad²/s²], (9,); 0: unknown."""

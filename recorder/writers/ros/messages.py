@@ -7,7 +7,13 @@ import numpy as np
 
 from carlaloc_env.samples import Sample
 from recorder.writers.base import grey
-from recorder.writers.ros import camera_messages, compact_messages, motion_messages, point_messages
+from recorder.writers.ros import (
+    camera_messages,
+    compact_messages,
+    driver_messages,
+    motion_messages,
+    point_messages,
+)
 from recorder.writers.ros.message_parts import MAP_FRAME, Message, MessageParts
 
 ENCODERS: dict[str, tuple[str, Callable[[MessageParts, Message, Any], Message]]] = {
@@ -21,6 +27,16 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageParts, Message, Any], Message]]]
     "camera_info": ("sensor_msgs/msg/CameraInfo", camera_messages.camera_info),
     "points": ("sensor_msgs/msg/PointCloud2", point_messages.points),
     "points_labelled": ("sensor_msgs/msg/PointCloud2", point_messages.points_labelled),
+    "points_us": ("sensor_msgs/msg/PointCloud2", point_messages.points_us),
+    "points_ouster": ("sensor_msgs/msg/PointCloud2", driver_messages.points_ouster),
+    "points_ouster_2021": ("sensor_msgs/msg/PointCloud2", driver_messages.points_ouster_2021),
+    "points_hesai": ("sensor_msgs/msg/PointCloud2", driver_messages.points_hesai),
+    "points_robosense": ("sensor_msgs/msg/PointCloud2", driver_messages.points_robosense),
+    "points_aeva": ("sensor_msgs/msg/PointCloud2", driver_messages.points_aeva),
+    "points_livox": ("sensor_msgs/msg/PointCloud2", driver_messages.points_livox),
+    "livox": (driver_messages.LIVOX_TYPE, driver_messages.livox),
+    "livox_1": (driver_messages.LIVOX_TYPE.replace("driver2", "driver"), driver_messages.livox),
+    "livox_2": (driver_messages.LIVOX_TYPE, driver_messages.livox),
     "points_of_the_town": ("sensor_msgs/msg/PointCloud2", point_messages.points_of_the_town),
     "video": ("foxglove_msgs/msg/CompressedVideo", compact_messages.video),
     "depth_png": ("sensor_msgs/msg/CompressedImage", compact_messages.depth_png),
@@ -29,6 +45,7 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageParts, Message, Any], Message]]]
     "radar_points": ("sensor_msgs/msg/PointCloud2", point_messages.radar_points),
     "radar_scan": ("radar_msgs/msg/RadarScan", point_messages.radar_scan),
     "imu": ("sensor_msgs/msg/Imu", motion_messages.imu),
+    "imu_g": ("sensor_msgs/msg/Imu", motion_messages.imu_g),
     "nav_sat_fix": ("sensor_msgs/msg/NavSatFix", motion_messages.nav_sat_fix),
     "twist": ("geometry_msgs/msg/TwistStamped", motion_messages.twist),
     "wheel_joints": ("sensor_msgs/msg/JointState", motion_messages.wheel_joints),
@@ -43,6 +60,12 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageParts, Message, Any], Message]]]
     "truth_tf": ("tf2_msgs/msg/TFMessage", motion_messages.truth_tf),
 }
 """Message type and function of every encoding of a sample, by name."""
+
+
+def message_type(encoder: str, *, ros1: bool) -> str:
+    """Message type of an encoder in `ENCODERS`; Livox's package is the one that a version of ROS uses."""
+    name = "livox_1" if encoder == "livox" and ros1 else encoder
+    return ENCODERS[name][0]
 
 
 class MessageMaker(MessageParts):

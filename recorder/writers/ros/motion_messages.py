@@ -3,6 +3,7 @@
 import numpy as np
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import GRAVITY_MPS2
 from carlaloc_env.samples import GnssFix, Imu, ObjectList, Odometry, Speed, WheelTicks
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.vehicle_track import WHEELS
@@ -33,6 +34,14 @@ def imu(maker: MessageParts, header: Message, sample: Imu) -> Message:
         linear_acceleration=maker.vector(sample.specific_force_mps2),
         linear_acceleration_covariance=force_covariance,
     )
+
+
+def imu_g(maker: MessageParts, header: Message, sample: Imu) -> Message:
+    """The same with the specific force in g."""
+    message = imu(maker, header, sample)
+    message.linear_acceleration = maker.vector(sample.specific_force_mps2 / GRAVITY_MPS2)
+    message.linear_acceleration_covariance = message.linear_acceleration_covariance / GRAVITY_MPS2**2
+    return message
 
 
 def nav_sat_fix(maker: MessageParts, header: Message, sample: GnssFix) -> Message:

@@ -40,6 +40,13 @@ def points(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
     return maker.table(header, _rows(sample, _POINT_DTYPE))
 
 
+def points_us(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
+    """The same with times in microseconds."""
+    rows = _rows(sample, _POINT_DTYPE)
+    rows["time"] = sample.offset_ns * 1e-3
+    return maker.table(header, rows)
+
+
 def points_labelled(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
     """Points as XYZIRT with tag and instance id."""
     return maker.table(header, _rows(sample, _LABELLED_DTYPE))
