@@ -1,4 +1,4 @@
-"""Topic, frame and encoding of each driver's messages: of a LiDAR's `layout`, and of that of the IMU inside it.
+"""Topic, frame and encoding of drivers' messages: of LiDARs by their `layout`, and of the IMUs inside them.
 
 Topics, frames and units are the defaults of velodyne_pointcloud, ouster-ros, HesaiLidar_ROS_2.0, rslidar_sdk,
 livox_ros_driver(2) and, of 2019 to 2021, ouster_example; those of `aeva` are of HeLiPR's file player.

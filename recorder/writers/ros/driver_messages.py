@@ -94,6 +94,12 @@ def _fields(sample: PointCloud, **others: Any) -> dict[str, Any]:
     return {**values, "intensity": sample.intensity, **others}
 
 
+def _unix_s(unix_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Times [s since 1970] of whole nanoseconds, rounded once."""
+    whole_s, rest_ns = np.divmod(unix_ns, 10**9)
+    return whole_s + 1e-9 * rest_ns
+
+
 def _packed(dtype: np.dtype[np.void], values: dict[str, Any]) -> NDArray[np.void]:
     rows = np.zeros(len(values["x"]), dtype)
     for name, column in values.items():
@@ -128,7 +134,7 @@ def points_ouster(maker: MessageParts, header: Message, sample: PointCloud) -> M
 
 def points_hesai(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
     """Points of a Hesai, which are not said to be dense."""
-    time_s = 1e-9 * (maker.epoch_ns + sample.stamp_ns + sample.offset_ns.astype(np.int64))
+    time_s = _unix_s(maker.epoch_ns + sample.stamp_ns + sample.offset_ns.astype(np.int64))
     values = _fields(sample, ring=sample.ring, timestamp=time_s)
     return maker.table(header, _packed(_STAMPED, values), is_dense=False)
 
@@ -138,7 +144,7 @@ def points_robosense(maker: MessageParts, header: Message, sample: PointCloud) -
     firings = _firings(maker.lidar(sample), sample)
     rows = firings.rows(_STAMPED, _fields(sample), np.nan)
     rows["ring"] = firings.ring
-    rows["timestamp"] = 1e-9 * (maker.epoch_ns + sample.stamp_ns + firings.offset_ns)
+    rows["timestamp"] = _unix_s(maker.epoch_ns + sample.stamp_ns + firings.offset_ns)
     return maker.table(header, rows, is_dense=False)
 
 
