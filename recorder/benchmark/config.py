@@ -32,6 +32,8 @@ class BenchmarkConfig:
     """Address of a Dask scheduler whose workers run systems over drives; None: this machine."""
     clouds: tuple[str, ...] = (RAW, SEGMENTED)
     """Which points LiDAR systems get."""
+    lidar: str | None = None
+    """Name of the LiDAR that systems read; None: the rig's first."""
     limit_per_second: float = 20.0
     """Longest time of a run by the length of its sequence."""
     rule: FailRule = field(default_factory=FailRule)

@@ -23,7 +23,7 @@ def notes_on(sequences: Sequence[BenchmarkSequence], systems: Sequence[System]) 
 
 
 def _notes(one: BenchmarkSequence, needs: Sequence[str]) -> Iterator[str]:
-    sequence = SlamSequence(one.path)
+    sequence = SlamSequence(one.path, lidar=one.lidar)
     rig = sequence.rig if one.stream is None else rig_of(one.stream.plan.config)
     for kind, count in (_READ[need] for need in needs if need in _READ):
         names = [sensor.name for sensor in rig.of_kind(kind)]

@@ -41,6 +41,8 @@ class BenchmarkSequence:
     """What its sensor data are made of as they are read; None: they lie in the folder."""
     labelled: bool
     """Whether its clouds have labels."""
+    lidar: str | None = None
+    """The LiDAR that is asked for; None: the first one that its data have."""
     masked: bool
     """Whether images of two cameras have labels."""
     weather_matters_to_lidar: bool
@@ -91,23 +93,29 @@ class Job:
     def folder(self) -> Path:
         """Where its results lie, below the benchmark's folder."""
         name = self.system.name + ("" if self.cloud == RAW else f"_{self.cloud}")
+        name += f"_{self.sequence.lidar}" if self.sequence.lidar else ""
         return Path("runs", self.sequence.key, name, f"{self.run}")
 
 
-def find_sequences(folder: Path) -> list[BenchmarkSequence]:
+def find_sequences(folder: Path, lidar: str | None = None) -> list[BenchmarkSequence]:
     """All finished sequences below a folder, by dataset, town, weather and traffic.
+
+    Args:
+        folder: The folder.
+        lidar: Name of the LiDAR that is read; None: that of the rig's first.
 
     Raises:
         ConfigError: there is none, or a description cannot be read.
+        EvaluationError: a rig has no such LiDAR.
     """
     sequences = sequences_below(folder)
     if not sequences:
         raise ConfigError(f"{folder} holds no sequence; give a folder that `carlaloc replay --out` wrote")
-    return [_sequence(one.path, folder) for one in sequences]
+    return [_sequence(one.path, folder, lidar) for one in sequences]
 
 
-def _sequence(path: Path, root: Path) -> BenchmarkSequence:
-    sequence = SlamSequence(path)
+def _sequence(path: Path, root: Path, lidar: str | None) -> BenchmarkSequence:
+    sequence = SlamSequence(path, lidar=lidar)
     described = sequence.description
     faults = Faults.from_mapping(described.faults).label
     return BenchmarkSequence(
@@ -117,7 +125,8 @@ def _sequence(path: Path, root: Path) -> BenchmarkSequence:
         weather=_with_faults(str(described.weather["name"]), faults),
         faults=faults,
         traffic=str(described.traffic["name"]),
-        digest=hashlib.sha256(sequence.files.checksums.read_bytes()).hexdigest(),
+        digest=hashlib.sha256(sequence.files.checksums.read_bytes()).hexdigest() + (lidar or ""),
+        lidar=lidar,
         labelled=bool(sequence.rig.of_kind("lidar")) and sequence.has_labelled_scans,
         masked=sum(name.startswith("semantic_") for name in described.samples) >= 2,
         weather_matters_to_lidar=_weather_matters_to_lidar(sequence.rig),

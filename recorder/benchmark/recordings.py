@@ -20,7 +20,7 @@ def write_recordings(result: BenchmarkResult) -> list[Path]:
     first_runs = [(job.sequence, errors) for job, errors in result.errors() if job.run == 1]
     return [
         record_sequence(
-            SlamSequence(sequence.path),
+            SlamSequence(sequence.path, lidar=sequence.lidar),
             result.out / FOLDER / f"{sequence.key}.rrd",
             estimates=[errors for at, errors in first_runs if at == sequence],
             overwrite=True,

@@ -94,7 +94,7 @@ def run_job(
     """
     return run_isolated(
         job.method, sequence or job.sequence.path, config.out / job.folder, cloud=job.cloud,
-        limit_s=limit_s(job, config) * together, cores=cores, stop=stop, feed=feed,
+        limit_s=limit_s(job, config) * together, cores=cores, stop=stop, feed=feed, lidar=job.sequence.lidar,
     )  # fmt: skip
 
 

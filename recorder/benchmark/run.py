@@ -92,7 +92,8 @@ def run_benchmark(
     """
     data = config.data
     if sequences is None:
-        sequences = find_sequences(data) if isinstance(data, Path) else sequences_of(data, config.out)
+        is_folder = isinstance(data, Path)
+        sequences = find_sequences(data, config.lidar) if is_folder else sequences_of(data, config.out)
     words = config.methods or tuple(name for name, system in SYSTEMS.items() if system.is_installed)
     systems = [(word, system_of(word)) for word in words]
     for _, system in systems:
@@ -139,7 +140,8 @@ def _looked_at(sequence: BenchmarkSequence, pending: Sequence[Job]) -> Benchmark
     needs = {need for job in pending if job.sequence.path == sequence.path for need in job.system.needs}
     if not needs or sequence.stream is not None or sequence.faults:
         return sequence
-    findings = "; ".join(faults_of(SlamSequence(sequence.path), with_imu="imu" in needs))
+    read = SlamSequence(sequence.path, lidar=sequence.lidar)
+    findings = "; ".join(faults_of(read, with_imu="imu" in needs))
     if findings:
         _LOG.warning("%s: %s", sequence.key, findings)
     return replace(sequence, findings=findings)

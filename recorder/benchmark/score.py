@@ -79,6 +79,8 @@ class Score:
     cpu_s: float = float("nan")
     peak_memory_mb: float = float("nan")
     cores: int = 0
+    lidar: str = ""
+    """Name of the LiDAR that it reads; empty: none."""
 
 
 def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Score:
@@ -86,7 +88,7 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
 
     Errors are against the truth of the system's own frame, interpolated to the stamps of its poses.
     """
-    sequence, system = SlamSequence(job.sequence.path), job.system
+    sequence, system = SlamSequence(job.sequence.path, lidar=job.sequence.lidar), job.system
     costs = ("version", "wall_s", "cpu_s", "peak_memory_mb", "cores", "frame_median_s", "frame_p99_s")
     facts: dict[str, Any] = {
         **{name: getattr(job.sequence, name) for name in ("dataset", "town", "weather", "traffic", "movers")},
@@ -101,6 +103,8 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
         "alignment": system.alignment.value,
         "findings": job.sequence.findings,
     }
+    if system.sensor == "lidar" and (lidars := sequence.rig.of_kind("lidar")):
+        facts["lidar"] = lidars[0].name
     if record.error is not None:
         return Score(**facts, failed=record.error)
     try:

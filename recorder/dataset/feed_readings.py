@@ -36,6 +36,11 @@ class FeedReadings:
         """Refuse: a feed has no folder."""
         self._refuse("folder mav0")
 
+    @property
+    def cloud_topic(self) -> str:
+        """Refuse: a feed has no topics."""
+        self._refuse("topic")
+
     def scan_count(self) -> int:
         """Number of sweeps."""
         return len(self._ask(STAMPS))

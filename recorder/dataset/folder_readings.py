@@ -69,11 +69,11 @@ class FolderReadings:
 
     def scan_count(self) -> int:
         """Number of sweeps."""
-        return topics_in(self.bag)[self._cloud_topic]
+        return topics_in(self.bag)[self.cloud_topic]
 
     def scans(self) -> Iterator[Scan]:
         """All sweeps of the bag."""
-        return (scan for _, scan in read_scans(self.bag, self._cloud_topic, _OUR_TIMES))
+        return (scan for _, scan in read_scans(self.bag, self.cloud_topic, _OUR_TIMES))
 
     def imu_samples(self) -> Iterator[ImuSample]:
         """All inertial samples of the bag."""
@@ -115,7 +115,8 @@ class FolderReadings:
             yield StereoPair(stamp_ns=stamp, left=np.asarray(left), right=np.asarray(right))
 
     @cached_property
-    def _cloud_topic(self) -> str:
+    def cloud_topic(self) -> str:
+        """Topic of the LiDAR's clouds, those with labels where there are some."""
         name = lidar_of(self._rig).name
         return self._topic(PointCloud, f"{name}_semantic", name)
 

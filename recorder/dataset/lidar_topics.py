@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from recorder.bags.reader import refused_in_one_line
+from recorder.bags.reader import open_bag, refused_in_one_line
 from recorder.dataset.clouds import CLOUD, Cloud, read_cloud
 
 _LOG = logging.getLogger(__name__)
@@ -85,6 +85,16 @@ def cloud_connections(
     if others:
         _LOG.warning("%s: %s is read, --topic names another (%s)", bag, fitting[0], others)
     return topics[fitting[0]], ""
+
+
+def lidar_topic(bag: Path) -> str:
+    """The topic whose clouds are read of a bag where none is asked for.
+
+    Raises:
+        EvaluationError: there is none, or there are several that may be meant.
+    """
+    with open_bag(bag) as reader:
+        return cloud_connections(bag, reader, None)[0][0].topic
 
 
 def without_clouds(bag: Path, connections: Sequence[Connection], topic: str | None, topics: list[str]) -> str:

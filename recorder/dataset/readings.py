@@ -56,6 +56,10 @@ class Readings(Protocol):
     def euroc(self) -> Path:
         """A folder ``mav0`` of it."""
 
+    @property
+    def cloud_topic(self) -> str:
+        """Topic of the LiDAR's clouds in the bag."""
+
     def scan_count(self) -> int:
         """Number of sweeps."""
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, cast
 
-from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.errors import EvaluationError, unknown_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
@@ -18,6 +19,21 @@ def lidar_of(rig: SensorRig) -> LidarConfig:
         EvaluationError: the rig has none.
     """
     return cast(LidarConfig, _first(rig, "lidar"))
+
+
+def with_lidar_first(rig: SensorRig, name: str | None) -> SensorRig:
+    """The rig with a LiDAR before all other sensors, so that systems read it; None: as it is.
+
+    Raises:
+        EvaluationError: it has no such LiDAR.
+    """
+    if name is None:
+        return rig
+    lidars = {lidar.name: lidar for lidar in rig.of_kind("lidar")}
+    if name not in lidars:
+        raise EvaluationError(f"rig '{rig.name}': {unknown_name('LiDAR', name, lidars)}")
+    others = (sensor for sensor in rig.sensors if sensor is not lidars[name])
+    return replace(rig, sensors=(lidars[name], *others))
 
 
 def imu_of(rig: SensorRig) -> ImuConfig:

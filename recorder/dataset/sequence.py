@@ -21,7 +21,7 @@ from recorder.dataset.layout import SequenceFolder, whole_path
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.dataset.reading_checks import check_gaps, imu_faults
 from recorder.dataset.readings import ImuSample, Readings, StereoPair
-from recorder.dataset.rig_sensors import imu_of, lidar_of, stereo_of
+from recorder.dataset.rig_sensors import imu_of, lidar_of, stereo_of, with_lidar_first
 from recorder.dataset.scans import Scan
 from recorder.evaluation.trajectory_files import read_tum
 
@@ -36,12 +36,20 @@ class SlamSequence:
         folder: Folder with a ``sequence.yaml``, as ``carlaloc replay`` writes it.
         cloud: Which points the sweeps hold, `RAW` or `SEGMENTED`.
         readings: Where sweeps, images and inertial samples come from; None: the folder's files.
+        lidar: Name of the LiDAR; None: the rig's first.
 
     Raises:
-        EvaluationError: there is no such folder, or it was taken out of its dataset.
+        EvaluationError: there is no such folder or LiDAR, or it was taken out of its dataset.
     """
 
-    def __init__(self, folder: str | Path, *, cloud: str = RAW, readings: Readings | None = None) -> None:
+    def __init__(
+        self,
+        folder: str | Path,
+        *,
+        cloud: str = RAW,
+        readings: Readings | None = None,
+        lidar: str | None = None,
+    ) -> None:
         # A relative path of two parts or fewer does not name the dataset's folder.
         folder = Path(folder)
         self.files, self.cloud = (
@@ -57,7 +65,9 @@ class SlamSequence:
         self.description = SequenceDescription.read(self.files, EvaluationError)
         manifest = DatasetManifest.read(dataset.path, EvaluationError)
         town = whole_path(folder).parent.name
-        self.rig, profile = manifest.rig(town), manifest.profile(town)
+        rig, profile = manifest.rig(town), manifest.profile(town)
+        self.rig = with_lidar_first(rig, lidar)
+        self._is_calibrated = self.rig.of_kind("lidar")[:1] == rig.of_kind("lidar")[:1]
         self._imu: deque[ImuSample] | None = None
         self._readings: Readings = readings or FolderReadings(
             self.files, rig=self.rig, profile=profile, streams=self.description.samples
@@ -93,7 +103,16 @@ class SlamSequence:
 
     @property
     def calibration(self) -> Path:
-        """Folder of the calibration files."""
+        """Folder of the calibration files.
+
+        Raises:
+            EvaluationError: another LiDAR is read than the rig's first, which they are made for.
+        """
+        if not self._is_calibrated:
+            raise EvaluationError(
+                f"files of calibration are for the rig's first LiDAR, not '{self.lidar.name}'; run the "
+                "system over the drive (.mcap) with --lidar"
+            )
         return self.files.drive.calibration
 
     @cached_property
@@ -156,6 +175,15 @@ class SlamSequence:
         except EvaluationError:
             return False
         return first is not None and first.tag is not None
+
+    @property
+    def cloud_topic(self) -> str:
+        """Topic of the LiDAR's clouds in the folder's bag.
+
+        Raises:
+            EvaluationError: there is none.
+        """
+        return self._readings.cloud_topic
 
     def scans(self) -> Iterator[Scan]:
         """All sweeps, without movers if the cloud is `SEGMENTED`.

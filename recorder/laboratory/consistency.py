@@ -188,7 +188,7 @@ def read_run(path: Path, name: str) -> Run:
 
 def _truth_of(job: Job) -> tuple[Trajectory, Array]:
     """Truth of a system's frame, and what maps that frame to `base_link`."""
-    sequence, frame = SlamSequence(job.sequence.path), job.system.frame
+    sequence, frame = SlamSequence(job.sequence.path, lidar=job.sequence.lidar), job.system.frame
     T = np.eye(4)
     if frame in ("lidar", "imu"):
         T = (sequence.lidar if frame == "lidar" else sequence.imu).mount.T_base_sensor

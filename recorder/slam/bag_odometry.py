@@ -11,12 +11,20 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError, unknown_name
-from recorder.dataset.lidar_topics import thinned
+from carlaloc_env.core.errors import (
+    CarlaLocError,
+    ConfigError,
+    EvaluationError,
+    MissingDependencyError,
+    unknown_name,
+)
+from recorder.dataset.layout import SEQUENCE, whole_path
+from recorder.dataset.lidar_topics import lidar_topic, thinned
 from recorder.dataset.reading_checks import faults_of_foreign
 from recorder.dataset.scans import Progress, Scan, ScanTimes, read_scans
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory import Trajectory
-from recorder.slam.system import MIDDLE, FrameClock, StampedPose, trajectory_of
+from recorder.slam.system import MIDDLE, FrameClock, StampedPose, System, trajectory_of
 from recorder.slam.systems import SYSTEMS
 
 _LOG = logging.getLogger(__name__)
@@ -90,6 +98,47 @@ class BagScans:
         return span_s if self.has_times and not 0.9 < span_s / interval_s < 1.1 else interval_s
 
 
+def system_of_bags(method: str) -> System:
+    """The system of a name of `METHODS`.
+
+    Raises:
+        ConfigError: there is no such method.
+        MissingDependencyError: its library is not installed.
+    """
+    if method not in METHODS:
+        other = f"; of datasets: carlaloc benchmark DATA --methods {method}" if method in SYSTEMS else ""
+        raise ConfigError(unknown_name("method of bags", method, METHODS) + other)
+    system = SYSTEMS[METHODS[method]]
+    if system.missing:
+        raise MissingDependencyError(system.missing)
+    return system
+
+
+def clouds_of(bag: Path, lidar: str | None, topic: str | None) -> tuple[str | None, str]:
+    """Name of the LiDAR whose clouds are read, where a dataset tells it, and their topic.
+
+    Args:
+        bag: The bag.
+        lidar: Name of a LiDAR of its dataset's rig; None: the first.
+        topic: Topic that is read instead; None: that of the LiDAR, else as `read_scans` chooses.
+
+    Raises:
+        EvaluationError: there is no such LiDAR, or no dataset that has one, or no topic to choose.
+    """
+    if topic is not None:
+        return None, topic
+    folder = next((path for path in whole_path(bag).parents[:2] if (path / SEQUENCE).is_file()), None)
+    try:
+        if folder is None:
+            raise EvaluationError(f"{bag} lies in no dataset, which would name its LiDARs; give --topic")
+        sequence = SlamSequence(folder, lidar=lidar)
+        return sequence.lidar.name, sequence.cloud_topic
+    except CarlaLocError:
+        if lidar is not None:
+            raise
+        return None, lidar_topic(bag)
+
+
 def run_odometry(
     bag: str | Path,
     method: str,
@@ -116,12 +165,7 @@ def run_odometry(
         EvaluationError: the bag is damaged or has no such topic.
     """
     bag = Path(bag)
-    if method not in METHODS:
-        other = f"; of datasets: carlaloc benchmark DATA --methods {method}" if method in SYSTEMS else ""
-        raise ConfigError(unknown_name("method of bags", method, METHODS) + other)
-    system = SYSTEMS[METHODS[method]]
-    if system.missing:
-        raise MissingDependencyError(system.missing)
+    system = system_of_bags(method)
     for fault in faults_of_foreign(bag):
         _LOG.warning("%s: %s", bag, fault)
     module, function = system.runner.split(":")

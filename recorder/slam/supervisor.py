@@ -67,6 +67,7 @@ def run_isolated(
     cores: tuple[int, ...] = (),
     stop: threading.Event | None = None,
     feed: Connection | None = None,
+    lidar: str | None = None,
 ) -> RunRecord:
     """Run a system over a sequence; its record holds how it ended, whatever happens to it.
 
@@ -81,6 +82,7 @@ def run_isolated(
         cores: Cores that it may use; empty: all.
         stop: Ends the run when it is set.
         feed: Connection to a feed, from which it reads in place of the folder; closed here when it has it.
+        lidar: Name of the LiDAR that it reads; None: the rig's first.
 
     Raises:
         KeyboardInterrupt: it was stopped.
@@ -92,6 +94,7 @@ def run_isolated(
         "method": method,
         "sequence": str(whole_path(sequence)),
         "cloud": cloud,
+        "lidar": lidar,
         "out": str(out.resolve()),
         "feed": None if feed is None else feed.fileno(),
     }

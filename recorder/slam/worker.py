@@ -44,8 +44,8 @@ def run_job(job: dict[str, Any]) -> None:
     """Feed a sequence to a system and write its poses, times and version.
 
     Args:
-        job: ``method``, ``sequence``, ``cloud``, ``out`` and ``feed``, the file descriptor of the connection
-            from which it reads in place of the sequence's folder, or None.
+        job: ``method``, ``sequence``, ``cloud``, ``lidar``, ``out`` and ``feed``, the file descriptor of the
+            connection from which it reads in place of the sequence's folder, or None.
 
     Raises:
         CarlaLocError: the sequence lacks what the system needs, or the system gave no pose.
@@ -53,7 +53,8 @@ def run_job(job: dict[str, Any]) -> None:
     out = Path(job["out"])
     system = system_of(job["method"])
     readings = None if job["feed"] is None else FeedReadings(Connection(job["feed"]))
-    sequence = SlamSequence(Path(job["sequence"]), cloud=job["cloud"], readings=readings)
+    folder, lidar = Path(job["sequence"]), job["lidar"]
+    sequence = SlamSequence(folder, cloud=job["cloud"], readings=readings, lidar=lidar)
     clock, frames = FrameClock(), sequence.frames(system.sensor)
     poses = list(runner_of(system, job["method"])(sequence, clock))
     offset_ns = round(system.instant * sequence.lidar.sweep_ns) if system.sensor == "lidar" else 0

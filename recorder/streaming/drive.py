@@ -17,7 +17,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.presets import weather_word
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
-from recorder.dataset.rig_sensors import imu_of
+from recorder.dataset.rig_sensors import imu_of, with_lidar_first
 from recorder.episode.episode import Episode, open_episode
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import Condition
@@ -117,6 +117,8 @@ class DriveConfig:
     """Length of the stretch [s]; None: to the end of the drive."""
     map: Path | str | None = None
     """Map of the drives, name or file; None: the towns that the episodes name."""
+    lidar: str | None = None
+    """Name of the LiDAR; None: the rig's first."""
 
     def __post_init__(self) -> None:
         names = [path.stem for path in self.episodes]
@@ -144,23 +146,24 @@ def describe_drives(config: DriveConfig, out: Path) -> list[DriveStream]:
             replayed = ReplayConfig(
                 **{**options, "seed": seed, "workers": 1},
                 episode=episode,
-                out=out / episode.stem / f"seed{seed}",
+                out=out / episode.stem / "_".join(filter(None, (f"seed{seed}", config.lidar))),
                 start_s=config.start_s,
                 duration_s=config.duration_s,
                 map=config.map,
             )
-            streams += describe_drive(replayed)
+            streams += describe_drive(replayed, lidar=config.lidar)
     return streams
 
 
 def describe_drive(
-    config: ReplayConfig, conditions: tuple[Condition, ...] | None = None
+    config: ReplayConfig, conditions: tuple[Condition, ...] | None = None, *, lidar: str | None = None
 ) -> list[DriveStream]:
     """Streams of a drive under all conditions of a replay, described in its folder `out`.
 
     Args:
         config: The replay; its faults of calibration are those of all conditions.
         conditions: Conditions; None: those of the replay.
+        lidar: Name of the LiDAR; None: the rig's first.
 
     Raises:
         ConfigError: an unknown rig, weather or level, or a stretch outside the drive.
@@ -168,7 +171,7 @@ def describe_drive(
         WriterError: the folder describes another drive, rig or stretch.
     """
     asked = plan_replay(config)
-    rig = _slam_rig(asked.rig)
+    rig = _slam_rig(with_lidar_first(asked.rig, lidar))
     recipe = asked.recipe if conditions is None else replace(asked.recipe, conditions=conditions)
     faults = recipe.conditions[0].faults
     origin = drive_origin(

@@ -61,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--methods", names, "A,B", "systems, or .py or .yaml files; else all installed", ())
     option(parser, "--runs", positive_int, "N", "repetitions (default: 1)", 1)
     option(parser, "--workers", positive_int, "N", "runs at a time, on cores of their own", 1)
+    parser.add_argument("--lidar", metavar="NAME", help="LiDAR that systems read; else the rig's first")
     option(parser, "--clouds", names, "A,B", "raw, seg", ("raw", "seg"))
     parser.add_argument("--again", choices=("failed", "all"), help="run kept results again, too")
     parser.add_argument(
@@ -141,7 +142,7 @@ def _data(arguments: argparse.Namespace, out: Path) -> Path | DriveConfig:
         raise UsageError("give one folder with sequences, or drives (.mcap) alone")
     if arguments.rerun:
         raise UsageError("--rerun shows sensor data, which drives leave nowhere; replay them into a dataset")
-    return drive_config(arguments, given, noise_seeds=arguments.noise_seeds)
+    return drive_config(arguments, given, noise_seeds=arguments.noise_seeds, lidar=arguments.lidar)
 
 
 def check_tools() -> None:
@@ -171,6 +172,8 @@ def show(result: dict[str, Any]) -> None:
             print(("  " + "  ".join(words)).rstrip())
         print()
     print(f"{result['runs']} runs, {result['reused']} of them done before")
+    if lidars := sorted({score["lidar"] for score in result["scores"]} - {""}):
+        print(f"LiDAR that systems read: {', '.join(lidars)}")
     for path in result["files"]:
         print(path)
     for line in result["failures"]:

@@ -188,7 +188,9 @@ def test_messages_are_the_drivers(layout: str, ros: int, tmp_path: Path) -> None
     """The second sweep, which begins with a part of a column where columns are no whole number."""
     driver, config = DRIVERS[layout], lidar(layout)
     cloud, rays = sweep(config, config.sweep_ns)
-    messages = [item for item in read(written(tmp_path, ros, [config], cloud)) if item[0].topic == driver.topic]
+    messages = [
+        item for item in read(written(tmp_path, ros, [config], cloud)) if item[0].topic == driver.topic
+    ]
     ((connection, message, _),) = messages
     stamp_ns = EPOCH_NS + config.sweep_ns
     assert connection.msgtype == driver.kinds[ros - 1]
@@ -214,12 +216,14 @@ def test_messages_are_the_drivers(layout: str, ros: int, tmp_path: Path) -> None
     found, true = by_place(rows), by_place(true)
     assert all((found[axis] == true[axis]).all() for axis in "xyz")
     assert (found[driver.ring] == true["ring"]).all()
-    assert (found["reflectivity" if "livox_ros" in connection.msgtype else "intensity"] == true["intensity"]).all()
+    assert (
+        found["reflectivity" if "livox_ros" in connection.msgtype else "intensity"] == true["intensity"]
+    ).all()
     highest = found[np.argmax(found["z"] / np.hypot(found["x"], found["y"]))]
     assert highest[driver.ring] == (0 if driver.from_top else config.rings - 1)
     zero_ns = stamp_ns if driver.absolute else 0
     time_ns = (found[driver.time].astype(np.longdouble) * driver.unit_ns - zero_ns).astype(float)
-    # Half a unit in the last place: of 0.1 s in single precision, of seconds or nanoseconds since 1970 in double.
+    # Half a unit in the last place: of 0.1 s in single precision, of times since 1970 in double.
     rounded_ns = 130 if driver.absolute else 0 if rows.dtype[driver.time].kind in "ui" else 4
     assert np.abs(time_ns - true["offset_ns"]).max() <= rounded_ns
     if driver.empty is not None and config.pattern is None:
@@ -244,7 +248,7 @@ def test_our_reader_finds_the_times(layout: str, ros: int, tmp_path: Path) -> No
 
 
 def test_rows_and_columns() -> None:
-    """An Ouster's columns show one azimuth, though beams look 4.2° to both sides; a RoboSense's are columns."""
+    """An Ouster's columns show one azimuth, though beams look 4.2° aside; a RoboSense's rows are columns."""
     config = lidar("ouster")
     cloud, _ = sweep(config, 0)
     encoder = Ros1Encoder(RigCalibration.from_configs([config]), epoch_ns=EPOCH_NS)
@@ -273,9 +277,7 @@ def test_nothing_returned() -> None:
     for layout in ("ouster", "robosense", "livox_points"):
         config = lidar(layout)
         cloud, rays = sweep(config, 0)
-        none = {
-            name: getattr(cloud, name)[:0] for name in ("points_xyz_m", "intensity", "ring", "offset_ns")
-        }
+        none = {name: getattr(cloud, name)[:0] for name in ("points_xyz_m", "intensity", "ring", "offset_ns")}
         encoder = Ros2Encoder(RigCalibration.from_configs([config]), epoch_ns=EPOCH_NS)
         rows = rows_of(encoder.maker.make(f"points_{layout.removeprefix('livox_points') or 'livox'}",
                                           replace(cloud, **none), "/x"))  # fmt: skip
@@ -328,7 +330,9 @@ def topics_of(profile: str, *sensors: SensorConfig) -> dict[str, set[str]]:
     kinds = {"lidar": PointCloud, "imu": Imu}
     kind_of = {s.name: kinds[s.kind] for s in sensors}
     return {
-        stream: {route.topic for route in made.routes(kind_of[stream.removesuffix("_semantic")], stream, streams)}
+        stream: {
+            route.topic for route in made.routes(kind_of[stream.removesuffix("_semantic")], stream, streams)
+        }
         for stream in streams
     }
 
