@@ -1,4 +1,8 @@
-"""Your own sensor in a ROS bag: the sensor's file, one message function, one table line."""
+"""Your own sensor in bags: the sensor's file, one message function, one profile of topics.
+
+Workers of a replay import this file, too: `carlaloc replay drive.mcap --out bumper --rig bumper.yaml
+--format rosbag1,rosbag2 --topics examples/06_extend.py:PROFILE` does the same.
+"""
 
 import sys
 from pathlib import Path
@@ -6,24 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env import SENSOR_KINDS, SensorRig, SensorStage, weather_by_name
-from own_sensors.laser import LaserConfig, Ranges
-from recorder import (
-    ENCODERS,
-    PROFILES,
-    Episode,
-    RigCalibration,
-    Ros1Encoder,
-    Rosbag1Writer,
-    TopicProfile,
-    TopicRule,
-    town_of,
-)
+from own_sensors.laser import Ranges
+from recorder import ENCODERS, ReplayConfig, TopicProfile, TopicRule, replay
 
 RIG = """
 name: bumper
 sensors:
-- {kind: laser, rate_hz: 10, mount: {position_m: [3.8, 0, 0.6]}}
+- {kind: "own_sensors.laser:LaserConfig", rate_hz: 10, mount: {position_m: [3.8, 0, 0.6]}}
 """
 
 
@@ -39,20 +32,29 @@ def laser_scan(maker: Any, header: Any, sample: Ranges) -> Any:
     )
 
 
-def main(drive: Path, out: Path = Path("laser.bag")) -> int:
-    """Register sensor, message and topic; measure a whole drive; returns the number of scans written."""
-    SENSOR_KINDS["laser"] = LaserConfig
-    ENCODERS["laser_scan"] = ("sensor_msgs/msg/LaserScan", laser_scan)
-    rule = TopicRule(sample=Ranges, stream="*", topic="/{}/scan", message="laser_scan")
-    PROFILES["mine"] = TopicProfile(name="mine", rules=(rule,))
-    episode, config = Episode.load(drive), SensorRig.from_yaml(RIG)
-    stage = SensorStage(town_of(episode), seed=1, weather=weather_by_name("ClearNoon"))
-    scans = config.build(stage).measure(episode.timeline(), -1, episode.timeline().end_ns)
-    with Rosbag1Writer(out, Ros1Encoder(RigCalibration.from_configs(config.sensors), profile="mine")) as bag:
-        for scan in scans:
-            bag.write(scan)
-    return len(scans)
+ENCODERS["laser_scan"] = ("sensor_msgs/msg/LaserScan", laser_scan)
+PROFILE = TopicProfile(
+    name="mine", rules=(TopicRule(sample=Ranges, stream="*", topic="/{}/scan", message="laser_scan"),)
+)
+
+
+def main(drive: Path, out: Path = Path("bumper")) -> Path:
+    """Replay a drive with two workers; returns the folder of the dataset."""
+    rig = out.with_name("bumper.yaml")
+    rig.write_text(RIG, encoding="utf-8")
+    replay(
+        ReplayConfig(
+            episode=drive,
+            out=out,
+            rig=str(rig),
+            formats=("rosbag1", "rosbag2"),
+            topics=f"{__file__}:PROFILE",
+            workers=2,
+            unit_s=1.0,
+        )
+    )
+    return out
 
 
 if __name__ == "__main__":
-    print(main(Path(sys.argv[1])), "scans in laser.bag")
+    print("scans in", main(Path(sys.argv[1])))

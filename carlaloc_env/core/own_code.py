@@ -32,11 +32,11 @@ def own_object(word: str, kind: type[T]) -> T:
         sys.path.append(folder)
     try:
         code = import_module(module)
+        if path is not None and Path(code.__file__ or "").resolve() != path:
+            raise ConfigError(f"{place}: Python has another module '{module}'; rename the file")
         found = getattr(code, name)
     except (ImportError, AttributeError, ValueError) as error:
         raise ConfigError(f"{word}: {error}; give FILE.py:NAME, or MODULE:NAME of PYTHONPATH") from error
-    if path is not None and Path(code.__file__ or "").resolve() != path:
-        raise ConfigError(f"{place}: Python has another module '{module}', {code.__file__}; rename the file")
     if not isinstance(found, kind):
         raise ConfigError(f"{word} is no {kind.__name__}, but {type(found).__name__}; name another object")
     return found

@@ -22,7 +22,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.checksums import file_sha256, write_checksums
 from recorder.dataset.layout import DATASET, DatasetFolder, SequenceFolder, sequences_below
 from recorder.episode.episode import Episode
-from recorder.writers.topic_profiles import profile_for
+from recorder.writers.topic_profiles import profile_by_name, profile_for
 from recorder.writers.topics import TopicProfile
 
 VERSIONED = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
@@ -78,7 +78,10 @@ class DatasetManifest:
             WriterError: the profile is unknown.
             ConfigError: the description is damaged.
         """
-        return profile_for(str(self._of(town, "topics")), self.rig(town).sensors)
+        name = str(self._of(town, "topics"))
+        # A user's file is read first: its folder may hold the sensors of the rig, too.
+        profile_by_name(name)
+        return profile_for(name, self.rig(town).sensors)
 
     def _of(self, town: str, name: str) -> Any:
         try:

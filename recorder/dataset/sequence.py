@@ -65,7 +65,7 @@ class SlamSequence:
         self.description = SequenceDescription.read(self.files, EvaluationError)
         manifest = DatasetManifest.read(dataset.path, EvaluationError)
         town = whole_path(folder).parent.name
-        rig, profile = manifest.rig(town), manifest.profile(town)
+        profile, rig = manifest.profile(town), manifest.rig(town)
         self.rig = with_lidar_first(rig, lidar)
         self._is_calibrated = self.rig.of_kind("lidar")[:1] == rig.of_kind("lidar")[:1]
         self._imu: deque[ImuSample] | None = None

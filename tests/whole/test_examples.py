@@ -26,8 +26,8 @@ from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.replay import replay
+from recorder.verification.verify import verify
 from recorder.writers.ros.messages import ENCODERS
-from recorder.writers.topic_profiles import PROFILES
 
 VSLAM_RIG = """
 name: two_eyes
@@ -151,18 +151,23 @@ def test_one_sweep_gives_the_cars_velocity(short_drive: Path) -> None:
 def test_a_sensor_of_ones_own_reaches_a_bag(
     short_drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every scan is in the bag; the wall of the town and the open road give finite and infinite ranges."""
+    """Two workers know sensor, message and topic: every scan of a rig's file is in both bags.
+
+    The wall of the town and the open road give finite and infinite ranges.
+    """
     pytest.importorskip("open3d", reason="open3d is not installed")
     monkeypatch.syspath_prepend(EXAMPLES)
-    for table, name in ((SENSOR_KINDS, "laser"), (ENCODERS, "laser_scan"), (PROFILES, "mine")):
-        monkeypatch.setitem(table, name, None)  # type: ignore[arg-type]
-        monkeypatch.delitem(table, name)  # type: ignore[arg-type]
-    count = load("06_extend").main(short_drive, tmp_path / "laser.bag")
-    with AnyReader([tmp_path / "laser.bag"]) as reader:
-        (connection,) = [c for c in reader.connections if c.topic == "/laser/scan"]
-        assert connection.msgtype == "sensor_msgs/msg/LaserScan"
-        scans = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages([connection])]
-    assert len(scans) == count == pytest.approx(61, abs=1)
+    monkeypatch.setitem(ENCODERS, "laser_scan", None)  # type: ignore[arg-type]
+    monkeypatch.delitem(ENCODERS, "laser_scan")
+    data = load("06_extend").main(short_drive, tmp_path / "bumper")
+    assert verify(data).findings == ()
+    sequence = data / "Town03" / "ClearNoon_dynamic"
+    for bag in (sequence / f"{sequence.name}.bag", sequence / f"{sequence.name}_ros2"):
+        with AnyReader([bag]) as reader:
+            (connection,) = [c for c in reader.connections if c.topic == "/laser/scan"]
+            assert connection.msgtype == "sensor_msgs/msg/LaserScan"
+            scans = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages([connection])]
+        assert len(scans) == pytest.approx(60, abs=1)
     ranges = np.array([scan.ranges for scan in scans])
     assert ranges.shape[1] == 360
     assert 1.0 < ranges.min() < 60.0
