@@ -35,7 +35,7 @@ def own_object(word: str, kind: type[T]) -> T:
         if path is not None and Path(code.__file__ or "").resolve() != path:
             raise ConfigError(f"{place}: Python has another module '{module}'; rename the file")
         found = getattr(code, name)
-    except (ImportError, AttributeError, ValueError) as error:
+    except (ImportError, SyntaxError, AttributeError, ValueError) as error:
         raise ConfigError(f"{word}: {error}; give FILE.py:NAME, or MODULE:NAME of PYTHONPATH") from error
     if not isinstance(found, kind):
         raise ConfigError(f"{word} is no {kind.__name__}, but {type(found).__name__}; name another object")

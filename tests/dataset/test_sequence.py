@@ -49,6 +49,22 @@ def test_what_is_missing_is_named(folder: Path, ask: object, message: str) -> No
         ask(SlamSequence(folder))  # type: ignore[operator]
 
 
+def test_a_lidar_is_chosen_by_its_name(tmp_path: Path) -> None:
+    """Its clouds, its truth and its settings; files of calibration are the first LiDAR's."""
+    folder = write_dataset(tmp_path / "d", sweeps=2, second="rear") / "Box" / "ClearNoon_dynamic"
+    first, rear = SlamSequence(folder), SlamSequence(folder, lidar="rear")
+    assert (first.lidar.name, first.cloud_topic) == ("lidar", "/lidar/points")
+    assert (rear.lidar.name, rear.cloud_topic) == ("rear", "/rear/points")
+    counts = [len(next(sequence.scans()).points_xyz_m) for sequence in (first, rear)]
+    assert counts == [COLUMNS * len(ELEVATIONS_DEG), COLUMNS * len(ELEVATIONS_DEG) // 2]
+    assert rear.truth_file("lidar").name == "rear.tum"
+    assert first.calibration.name == "calibration"
+    with pytest.raises(EvaluationError, match=r"first LiDAR, not 'rear'; run the system over the drive"):
+        _ = rear.calibration
+    with pytest.raises(EvaluationError, match="did you mean 'rear'"):
+        SlamSequence(folder, lidar="reer")
+
+
 def test_a_sequence_out_of_its_dataset_is_refused(tmp_path: Path) -> None:
     with pytest.raises(EvaluationError, match=r"holds no sequence\.yaml"):
         SlamSequence(tmp_path)

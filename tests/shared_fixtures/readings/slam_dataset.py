@@ -82,6 +82,13 @@ def plain(cloud: PointCloud) -> PointCloud:
     return replace(cloud, sensor="lidar", tag=None, instance=None, cos_incidence=None)
 
 
+def half(cloud: PointCloud, name: str) -> PointCloud:
+    """Every second point of a cloud, as a sensor of another name sees it."""
+    names = ("points_xyz_m", "intensity", "ring", "offset_ns")
+    points = {name: getattr(cloud, name)[::2].copy() for name in names}
+    return replace(plain(cloud), sensor=name, frame_id=name, **points)
+
+
 def write_dataset(
     root: Path,
     *,
@@ -89,18 +96,23 @@ def write_dataset(
     conditions: tuple[str, ...] = ("ClearNoon_dynamic",),
     labelled: bool = True,
     imu_factor: float | None = None,
+    second: str | None = None,
 ) -> Path:
     """A dataset of some conditions, named weather_traffic, as replay lays it out.
 
-    With a factor of specific forces, it has an IMU.
+    With a factor of specific forces, it has an IMU. A second LiDAR at the same place, with the layout of
+    Velodyne's driver, has every second point.
 
     Without labels the bag has plain clouds, as ``--topics slam`` leaves them, though both were made.
     """
     folder, sensors = root / "Box", rig(with_imu=imu_factor is not None)
+    if second is not None:
+        extra = replace(sensors.of_kind("lidar")[0], name=second, layout="velodyne", outputs=("cloud",))
+        sensors = replace(sensors, sensors=(*sensors.sensors, extra))
     t_ns = np.arange(0, sweeps * SWEEP_NS + 1, 5_000_000)
     position, quat = pose(t_ns * 1e-9)
     truth = Trajectory(stamp_ns=t_ns + DEFAULT_EPOCH_NS, position_m=position, quat_xyzw=quat, name="lidar")
-    for name in ("lidar", "base_link"):
+    for name in ("lidar", "base_link", second or "lidar"):
         write_tum(folder / "ground_truth" / f"{name}.tum", truth)
     for condition in conditions:
         path = folder / condition
@@ -111,10 +123,13 @@ def write_dataset(
         inertials = [] if imu_factor is None else inertial(sweeps, imu_factor)
         clouds = (sweep(k * SWEEP_NS) for k in range(sweeps))
         clouds = (cloud if labelled else plain(cloud) for cloud in clouds)
-        with Rosbag1Writer(bag, Ros1Encoder(calibration, streams={stream, "imu"})) as writer:
-            for sample in sorted([*clouds, *inertials], key=lambda one: one.stamp_ns):
+        others = [half(sweep(k * SWEEP_NS), second) for k in range(sweeps)] if second else []
+        streams = {stream, "imu", second or stream}
+        with Rosbag1Writer(bag, Ros1Encoder(calibration, streams=streams)) as writer:
+            for sample in sorted([*clouds, *others, *inertials], key=lambda one: one.stamp_ns):
                 writer.write(sample)
         samples = {"lidar": sweeps, "lidar_semantic": sweeps, "imu": len(inertials)}
+        samples |= {second: sweeps} if second else {}
         describe(path, sensors, samples={k: n for k, n in samples.items() if n}, movers=CAR_SHARE)
     list_dataset(root, sensors, topics="standard" if labelled else "slam")
     return root
