@@ -87,6 +87,17 @@ TAIL = """\
   end in `_optical`.
 * Bags have no `/clock`. `ros2 bag play --clock 100 BAG` and `rosbag play --clock BAG` make it, for nodes
   with `use_sim_time`. With two clocks, time jumps. `--clock` writes it into the bag, 100 Hz.
+
+## Topics, messages and sensors of your own
+
+* `--topics mine.py:PROFILE` takes a `TopicProfile` of your file. The file may add functions to `ENCODERS`;
+  `definitions` of the profile are new message types.
+* `kind: my_sensors:SonarConfig` in a rig's file takes a class of your module.
+* Every worker of a replay imports them. [An example](../examples/06_extend.py) has all of it in 60 lines.
+* Modules are searched in `PYTHONPATH`, in the folder of work and in that of the topics' file. Workers of a
+  Dask cluster need the sensors' folder in `PYTHONPATH`.
+* Sensors with a `layout` have their driver's message beside these, in the profiles `standard`, `full` and
+  `slam`: [LiDARs](lidars.md#messages-of-drivers).
 """
 _KINDS: tuple[tuple[str, type[Sample]], ...] = (
     ("rgb_", Image),
