@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -131,6 +132,21 @@ def test_another_seed_of_noise_is_another_estimate(streamed: list[BenchmarkResul
     found = {score.dataset: score.ape_m for score in streamed[0].scores}
     assert set(found) == {"drive/seed5", "drive/seed6"}
     assert len(set(found.values())) == 2
+
+
+def test_a_lidar_is_chosen_by_its_name(straight_drive: StraightDrive, few: Path, tmp_path: Path) -> None:
+    """The second LiDAR of a rig gives the estimate that it gives alone, and the score has its name."""
+    rear = "- {kind: lidar, name: rear, columns: 200, beams: 16, mount: {position_m: [0, 0, 1.9]}}\n"
+    (tmp_path / "both.yaml").write_text(few.read_text() + rear)
+    (tmp_path / "alone.yaml").write_text("name: alone\nsensors:\n" + rear)
+    found = []
+    for name, lidar in (("both", "rear"), ("alone", None)):
+        data = replace(drives(straight_drive, tmp_path / f"{name}.yaml"), lidar=lidar)
+        result = benchmark(data, tmp_path / name, "small_gicp", clouds=("raw",))
+        (job,), (score,) = result.jobs, result.scores
+        assert (score.failed, score.lidar) == (None, "rear")
+        found.append((result.out / job.folder / ESTIMATE).read_bytes())
+    assert found[0] == found[1]
 
 
 def test_nothing_of_the_sensor_data_stays(streamed: list[BenchmarkResult]) -> None:
