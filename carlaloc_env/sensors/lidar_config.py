@@ -240,6 +240,8 @@ class LidarConfig(SensorConfig):
             raise ConfigError(f"{given}; give 0 to 255, and 100 with a receiver, which is Velodyne's")
         if self.layout is not None and self.layout not in LAYOUTS:
             raise ConfigError(f"{what}: {unknown_name('layout', self.layout, LAYOUTS)}")
+        if self.sectors and self.layout is not None:
+            raise ConfigError(f"{what}: sectors give many columns one time, as no driver does; drop layout")
         if self.time_unit != "s" and (self.time_unit, self.layout) != ("us", "velodyne"):
             raise ConfigError(f"{what}: time_unit is {self.time_unit}; give s, or us with layout velodyne")
         if not self.outputs or set(self.outputs) - set(OUTPUTS):

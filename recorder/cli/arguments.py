@@ -244,7 +244,8 @@ def add_replay_options(
     parser.add_argument(
         "--topics",
         default="standard",
-        help="topic profile of bags: standard, slam, paper, paper_seg, full, compact or compact_full",
+        help="topic profile of bags: standard, slam, paper, paper_seg, full, compact or compact_full; your "
+        "own: FILE.py:NAME",
     )
     text = "write the car's true pose to bags, /tf from map to base_link"
     parser.add_argument("--truth-tf", action="store_true", help=text)

@@ -381,6 +381,8 @@ def test_settings_that_are_refused() -> None:
         LidarConfig(layout="sick")
     with pytest.raises(ConfigError, match="time_unit is us; give s, or us with layout velodyne"):
         replace(lidar("ouster"), time_unit="us")
+    with pytest.raises(ConfigError, match="sectors give many columns one time"):
+        LidarConfig(layout="ouster", sectors=10)
     with pytest.raises(ConfigError, match="layout"):
         ImuConfig(layout="velodyne")
     text = "name: x\nsensors:\n- {kind: imu, layout: livox}\n- {kind: lidar, preset: vlp16, time_unit: us}"
