@@ -9,7 +9,7 @@ import tokenize
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-BUDGETS = {"carlaloc_env + recorder": 62_200, "tests": 32_600}
+BUDGETS = {"carlaloc_env + recorder": 62_600, "tests": 33_200}
 LAYOUT = {getattr(tokenize, name) for name in ("COMMENT", "NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER")}
 
 

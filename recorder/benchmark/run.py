@@ -92,8 +92,10 @@ def run_benchmark(
     """
     data = config.data
     if sequences is None:
-        is_folder = isinstance(data, Path)
-        sequences = find_sequences(data, config.lidar) if is_folder else sequences_of(data, config.out)
+        if isinstance(data, Path):
+            sequences = find_sequences(data, config.lidar)
+        else:
+            sequences = sequences_of(data, config.out)
     words = config.methods or tuple(name for name, system in SYSTEMS.items() if system.is_installed)
     systems = [(word, system_of(word)) for word in words]
     for _, system in systems:

@@ -85,7 +85,7 @@ def _rule_of(sensor: LidarConfig | ImuConfig) -> TopicRule | None:
         return None
     is_lidar = isinstance(sensor, LidarConfig)
     topic, frame, message = (_CLOUDS if is_lidar else _IMUS)[sensor.layout]
-    if is_lidar and sensor.time_unit == "us":
+    if isinstance(sensor, LidarConfig) and sensor.time_unit == "us":
         message = "points_us"
     sample = PointCloud if is_lidar else Imu
     return TopicRule(sample, sensor.name, topic, message, frame_id=frame, beside=True)
