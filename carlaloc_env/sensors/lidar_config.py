@@ -16,12 +16,7 @@ import numpy as np
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.lidar_patterns import FanPattern, WedgePattern
-from carlaloc_env.sensors.lidar_presets import (
-    HDL32E_CYCLE_NS,
-    HDL32E_ELEVATIONS_DEG,
-    HDL32E_FIRING_NS,
-    PRESETS,
-)
+from carlaloc_env.sensors.lidar_presets import HDL32E, PRESETS
 from carlaloc_env.sensors.limits import LIMITS
 
 PAPER_ELEVATIONS_DEG: tuple[float, ...] = tuple(round(-30.0 + 40.0 * i / 31, 9) for i in range(32))
@@ -126,19 +121,9 @@ class LidarConfig(SensorConfig):
     sensor: ClassVar[str] = "carlaloc_env.sensors.lidar.lidar:LidarSensor"
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "paper": {},
-        "hdl32e": {
-            "elevations_deg": HDL32E_ELEVATIONS_DEG,
-            "elevation_offset_deg": 0.02,
-            "firing_ns": HDL32E_FIRING_NS,
-            "columns": 0,
-            "cycle_ns": HDL32E_CYCLE_NS,
-        },
+        "hdl32e": HDL32E,
         "hdl32e_road": {
-            "elevations_deg": HDL32E_ELEVATIONS_DEG,
-            "elevation_offset_deg": 0.02,
-            "firing_ns": HDL32E_FIRING_NS,
-            "columns": 0,
-            "cycle_ns": HDL32E_CYCLE_NS,
+            **HDL32E,
             "range_min_m": 0.3,
             "range_max_m": 100.0,
             "range_noise_m": 0.003,

@@ -21,6 +21,14 @@ HDL32E_FIRING_NS: tuple[int, ...] = tuple(1152 * (2 * r if r < 16 else 2 * (r - 
 """When each beam of the HDL-32E fires in its 46.08 µs cycle [ns]: lower and upper bank alternate."""
 HDL32E_CYCLE_NS = 50e6 / 1085
 """The manual's 46.08 µs, 0.006 % more, so that a revolution of 50 ms has whole columns [ns]."""
+HDL32E: Mapping[str, Any] = {
+    "elevations_deg": HDL32E_ELEVATIONS_DEG,
+    "elevation_offset_deg": 0.02,
+    "firing_ns": HDL32E_FIRING_NS,
+    "columns": 0,
+    "cycle_ns": HDL32E_CYCLE_NS,
+}
+"""Beams and times of the HDL-32E."""
 _VLP16_UP_MM = (11.2, 9.7, 8.1, 6.6, 5.1, 3.7, 2.2, 0.7, -0.7, -2.2, -3.7, -5.1, -6.6, -8.1, -9.7, -11.2)
 _HDL64E_BLOCK = (
     *(6, 7, 10, 11, 0, 1, 4, 5, 8, 9, 14, 15, 18, 19, 22, 23),
