@@ -90,8 +90,8 @@ TAIL = """\
 
 ## Topics, messages and sensors of your own
 
-* `--topics <file>.py:<profile>` takes a `TopicProfile` of your file. The file may add functions to `ENCODERS`;
-  `definitions` of the profile are new message types.
+* `--topics <file>.py:<profile>` takes a `TopicProfile` of your file. The file may add functions to
+  `ENCODERS`; `definitions` of the profile are new message types.
 * `kind: my_sensors:SonarConfig` in a rig's file takes a class of your module.
 * Every worker of a replay imports them. [An example](../examples/06_extend.py) has all of it in 60 lines.
 * Modules are searched in `PYTHONPATH`, in the folder of work and in that of the topics' file. Workers of a
