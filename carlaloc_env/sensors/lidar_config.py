@@ -201,7 +201,7 @@ class LidarConfig(SensorConfig):
     layout: str | None = None
     """Driver whose message the cloud has in bags beside the project's own; None: none."""
     time_unit: str = "s"
-    """Unit of points' times in the layout `velodyne`: ``s``, or ``us`` as FAST-LIO2's velodyne.yaml wants."""
+    """Unit of points' times in the layout `velodyne` [s or us]; FAST-LIO2's velodyne.yaml wants ``us``."""
 
     def __post_init__(self) -> None:
         what = f"LiDAR '{self.name}'"
