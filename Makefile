@@ -36,7 +36,7 @@ demo: $(or $(wildcard $(READY)),$(DEMO))
 # Two seconds of the demo's drive under six conditions, for people to look at before they install anything.
 sample: $(READY)
 	rm -rf out/sample out/sample.tar
-	$(BIN)/carlaloc replay recorder/demo/town10.mcap --out out/sample --start 4 --duration 2 --rig .ci/sample.yaml \
+	$(BIN)/carlaloc replay recorder/demo/town03.mcap --out out/sample --start 18 --duration 2 --rig .ci/sample.yaml \
 		--weather ClearNoon,FoggyNoon,RainyNight --traffic static,dynamic --topics compact --format rosbag2
 	tar -cf out/sample.tar -C out sample
 	test $$(wc -c <out/sample.tar) -le 20000000

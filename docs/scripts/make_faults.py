@@ -60,7 +60,7 @@ def samples() -> Iterator[Sample]:
     from recorder.replaying.options import ReplayConfig
     from recorder.replaying.plan import plan_replay
 
-    drive = DOCS.parent / "recorder" / "demo" / "town10.mcap"
+    drive = DOCS.parent / "recorder" / "demo" / "town03.mcap"
     config = ReplayConfig(episode=drive, out=Path("out/none"), rig="flu", quality="medium", topics="slam")
     plan = plan_replay(config)
     sensors = LevelSensors(plan.recipe, plan.recipe.levels[0], truth=False)

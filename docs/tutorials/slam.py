@@ -39,7 +39,7 @@ for folder in result.sequences:
     print(f"{folder.name:<20} APE {ape.rmse:.3f} m, largest error {ape.max:.3f} m")
 
 # %%
-path = plot_trajectories(scores, "trajectories.png", title="Town10")
+path = plot_trajectories(scores, "trajectories.png", title="Town03")
 
 # %% [markdown]
 # ![Estimates over the truth](trajectories.png)

@@ -5,6 +5,7 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from recorder.demo.answers import answer_to_first, answers_of
 from recorder.demo.page import EXTRAS, STEPS, write_index
 from recorder.demo.story import (
     LOOK,
@@ -13,7 +14,6 @@ from recorder.demo.story import (
     first_look,
     replay_drive,
     run_systems,
-    scores_of,
     write_scene,
 )
 
@@ -57,29 +57,27 @@ def run_demo(
     if not (config.out / LOOK).exists():
         with step(titles[0], unit="parts") as progress:
             first_look(config, progress.pieces)
-    page = write_index(config.out, [], {}, [], step=ended if only_look else 2)
+    page = write_index(config.out, [], (), [], step=ended if only_look else 2)
     look(page)
     if only_look:
         return {"out": str(config.out), "page": str(page)}
     with step(titles[1]) as progress:
         result = replay_drive(config, progress.update)
     films = [folder / "preview.mp4" for folder in result.sequences]
-    write_index(config.out, films, {}, [], step=3)
+    write_index(config.out, films, (), [], step=3)
     with step(titles[2], unit="runs") as progress:
         benchmark = run_systems(config, progress.pieces)
-    scores = scores_of(benchmark)
-    drawn = draw_story(config, benchmark, result.ground_truth)
-    scene = write_scene(config, result.sequences, scores)
+    answers = answers_of(benchmark)
+    drawn = draw_story(config, benchmark, answers, result.ground_truth)
+    scene = write_scene(config, result.sequences, answers)
     return {
         "out": str(config.out),
-        "page": str(write_index(config.out, films, scores, drawn, step=ended, scene=scene)),
+        "page": str(write_index(config.out, films, answers, drawn, step=ended, scene=scene)),
         "scene": str(scene),
         "sequences": [str(path) for path in result.sequences],
         "ground_truth": str(result.ground_truth),
-        "ape_m": {
-            system: {level: score.ape_m for level, (score, _) in by_level.items()}
-            for system, by_level in scores.items()
-        },
+        "ape_m": {f"{answer.title}, {answer.weather}": dict(answer.ape_m) for answer in answers},
+        "answer": answer_to_first(answers),
         "drawn": [str(path) for path in drawn],
         "missing": "" if drawn else EXTRAS,
     }

@@ -15,36 +15,36 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.presets import weather_by_name
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
 from recorder.benchmark.run import Progress as RunProgress
-from recorder.benchmark.score import Score
-from recorder.dataset.sequence import RAW
+from recorder.dataset.sequence import SlamSequence
+from recorder.demo.answers import STATIC, Answer
 from recorder.episode.episode import Episode, open_episode
 from recorder.episode.episode_town import town_of
 from recorder.episode.traffic_level import traffic_level
-from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.cost import ReplayCost, size_of
-from recorder.replaying.options import ReplayConfig
+from recorder.replaying.options import ReplayConfig, ReplayOptions
 from recorder.replaying.plan import plan_replay
 from recorder.replaying.replay import Progress, ReplayResult, finished_replay, replay
 from recorder.report.instant import pictures_of_instant, rows_of_three
 from recorder.slam.systems import SYSTEMS
+from recorder.streaming.drive import DriveConfig
 
-DEMO_DRIVE = Path(__file__).with_name("town10.mcap")
-"""Half a minute of the scripted driver among Town10's traffic."""
-LOOK, LOOK_AT_S = "look.jpg", 5.0
+DEMO_DRIVE = Path(__file__).with_name("town03.mcap")
+"""Half a minute of the scripted driver in Town03: it waits at a light, while others pass close by."""
+RIG = Path(__file__).with_name("rig.yaml")
+"""The rig `flu` with a quarter of the pixels, and labels."""
+LOOK, LOOK_AT_S = "look.jpg", 20.0
 """Name of the first picture, and its instant of the drive [s]."""
 SCENE = "scene.html"
 """Name of the page of a sequence."""
 LOOK_WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
-WEATHERS, TRAFFIC = LOOK_WEATHERS[:2], ("static", "dynamic")
-LOOK_S, SYSTEMS_S = 30.0, 1.5
-"""Time of the first picture, and of all systems for a second of a sequence, on two cores [s]."""
-METHODS = ("small_gicp", "rko_lio", "stereo_vo")
-"""Of these, those that are installed: the first two come with the extra `slam`."""
+WEATHERS, TRAFFIC = ("ClearNoon", "RainyNight"), ("static", "dynamic")
+LOOK_S, SYSTEMS_S = 30.0, 6.0
+"""Time of the first picture, and of all systems for a second of the drive, on two cores [s]."""
+METHODS = ("stereo_vo", "small_gicp")
+"""Of these, those that are installed: the second comes with the extra `slam`."""
 REPORT = all(find_spec(name) is not None for name in ("matplotlib", "pandas"))
 """Whether the extra `report` is installed, which draws."""
-Scores = dict[str, dict[str, tuple[Score, PathErrors]]]
-"""Score and errors by system and weather, then by level of traffic."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,12 +53,10 @@ class DemoConfig:
 
     out: Path
     """Folder of the results."""
-    duration_s: float = 20.0
-    """Length of LiDAR and IMU, from the drive's begin [s]."""
-    camera_start_s: float = 4.0
-    """First picture [s]."""
-    camera_duration_s: float = 6.0
-    """Length of the pictures [s]."""
+    start_s: float = 16.0
+    """Beginning of the stretch [s]."""
+    duration_s: float = 8.0
+    """Its length [s]."""
 
 
 def first_look(config: DemoConfig, report: RunProgress) -> Path:
@@ -102,8 +100,7 @@ def cost_of(config: DemoConfig) -> ReplayCost:
     """
     cost = plan_replay(_replay_of(config)).cost()
     cost.check(config.out, kept_bytes=size_of(config.out))
-    driven_s = len(WEATHERS) * len(TRAFFIC) * config.duration_s
-    return replace(cost, cpu_s=cost.cpu_s + LOOK_S + SYSTEMS_S * driven_s)
+    return replace(cost, cpu_s=cost.cpu_s + LOOK_S + SYSTEMS_S * config.duration_s)
 
 
 def replay_drive(config: DemoConfig, progress: Progress) -> ReplayResult:
@@ -118,12 +115,22 @@ def _replay_of(config: DemoConfig) -> ReplayConfig:
         out=config.out / "data",
         weathers=WEATHERS,
         traffic=TRAFFIC,
-        rig="flu",
+        rig=str(RIG),
         formats=("rosbag1", "euroc"),
-        topics="slam",
+        start_s=config.start_s,
         duration_s=config.duration_s,
-        camera_start_s=config.camera_start_s,
-        camera_duration_s=config.camera_duration_s,
+    )
+
+
+def drive_of(config: DemoConfig, *, noise_seeds: int, weathers: Sequence[str] = WEATHERS) -> DriveConfig:
+    """The demo's stretch for systems that read it while it is made, with the noise of some seeds."""
+    options = ReplayOptions(rig=str(RIG), weathers=tuple(weathers), traffic=TRAFFIC)
+    return DriveConfig(
+        episodes=(DEMO_DRIVE,),
+        options=options,
+        noise_seeds=noise_seeds,
+        start_s=config.start_s,
+        duration_s=config.duration_s,
     )
 
 
@@ -133,15 +140,12 @@ def run_systems(config: DemoConfig, progress: RunProgress) -> BenchmarkResult:
     Raises:
         CarlaLocError: a run gave no estimate.
     """
-    methods = tuple(name for name in METHODS if SYSTEMS[name].is_installed)
-    workers = min(2, len(usable_cores()))
     result = run_benchmark(
         BenchmarkConfig(
             data=config.out / "data",
             out=config.out / "benchmark",
-            methods=methods,
-            workers=workers,
-            clouds=(RAW,),
+            methods=tuple(name for name in METHODS if SYSTEMS[name].is_installed),
+            workers=min(2, len(usable_cores())),
         ),
         progress,
     )
@@ -150,16 +154,10 @@ def run_systems(config: DemoConfig, progress: RunProgress) -> BenchmarkResult:
     return result
 
 
-def scores_of(result: BenchmarkResult) -> Scores:
-    """Scores and errors, side by side for the levels of traffic."""
-    scores: Scores = {}
-    for score, (_, errors) in zip(result.scores, result.errors(), strict=True):
-        scores.setdefault(f"{score.title}, {score.weather}", {})[score.traffic] = score, errors
-    return dict(sorted(scores.items()))
-
-
-def draw_story(config: DemoConfig, result: BenchmarkResult, truth: Path) -> list[Path]:
-    """Draw errors over the map, and write the benchmark's page; nothing without the extra `report`."""
+def draw_story(
+    config: DemoConfig, result: BenchmarkResult, answers: Sequence[Answer], truth: Path
+) -> list[Path]:
+    """Draw paths over the map, and write the benchmark's page; nothing without the extra `report`."""
     if not REPORT:
         return []
     from recorder.benchmark.page import write_page
@@ -170,25 +168,28 @@ def draw_story(config: DemoConfig, result: BenchmarkResult, truth: Path) -> list
     walkers = int((header.catalog.tag == Tag.PEDESTRIAN).sum())
     length_m = read_tum(truth / "base_link.tum").length_m
     title = (
-        f"The same {length_m:.0f} m through {header.map_name}: empty of movers (static), and among "
-        f"{len(header.catalog.tag) - walkers} vehicles and {walkers} walkers (dynamic)"
+        f"The same {length_m:.0f} m through {header.map_name}: alone, and among "
+        f"{len(header.catalog.tag) - walkers} vehicles and {walkers} walkers"
     )
-    errors = {
-        system: {level: by_level[level][1] for level in TRAFFIC}
-        for system, by_level in scores_of(result).items()
-    }
+    errors = {f"{answer.title}, {answer.weather}": answer.errors for answer in answers}
     plot = plot_conditions(errors, config.out / "story.png", lane_lines_of(header.map_name), title)
     return [plot, write_page(result)]
 
 
-def write_scene(config: DemoConfig, sequences: Sequence[Path], scores: Scores) -> Path:
-    """Write the page of the first sequence with traffic, with the paths of all systems on it."""
-    from recorder.dataset.sequence import SlamSequence
+def write_scene(config: DemoConfig, sequences: Sequence[Path], answers: Sequence[Answer]) -> Path:
+    """Write the page of the first sequence with traffic, with its movers and the paths of all systems."""
     from recorder.view.scene_page import page_of_sequence
     from recorder.view.sequence_view import PERIOD_S
 
-    level = TRAFFIC[-1]
-    sequence = next(path for path in sequences if path.name.endswith(level))
-    paths = [replace(by_level[level][1], name=system) for system, by_level in scores.items()]
+    sequence = SlamSequence(next(path for path in sequences if path.name.endswith(TRAFFIC[-1])))
+    weather = WEATHERS[0]
+    paths = [
+        replace(errors, name=f"{answer.title}, {condition}")
+        for answer in answers
+        for condition, errors in answer.errors.items()
+        if answer.weather == weather and condition != STATIC
+    ]
     page = config.out / SCENE
-    return page_of_sequence(SlamSequence(sequence), page, estimates=paths, period_s=PERIOD_S, overwrite=True)
+    return page_of_sequence(
+        sequence, page, estimates=paths, period_s=PERIOD_S, drive=Episode.load(DEMO_DRIVE), overwrite=True
+    )

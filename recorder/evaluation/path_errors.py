@@ -52,6 +52,17 @@ class PathErrors:
         steps = np.linalg.norm(np.diff(self.truth_m, axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
+    def leaves_truth_at_ns(self, over_s: float = 1.0) -> int:
+        """Time when the estimate begins to leave the truth [ns].
+
+        The first from which both move differently over `over_s`, by at least half of the largest difference.
+        """
+        difference_m = self.estimate_m - self.truth_m
+        later = np.searchsorted(self.stamp_ns, self.stamp_ns + round(over_s * 1e9))
+        later = np.minimum(later, len(self.stamp_ns) - 1)
+        apart_m = np.linalg.norm(difference_m[later] - difference_m, axis=1)
+        return int(self.stamp_ns[np.argmax(apart_m >= 0.5 * apart_m.max())])
+
     def save(self, path: Path) -> None:
         """Write them to a new file (.npz)."""
         with atomic_write(path, EvaluationError) as part, part.open("wb") as file:

@@ -32,6 +32,7 @@ from carlaloc_env.town.town import Town
 from recorder.dataset.layout import whole_path
 from recorder.dataset.sequence import SlamSequence
 from recorder.episode.episode import Episode
+from recorder.episode.traffic_level import TrafficLevel
 from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.report.lane_lines import lane_lines, lane_lines_of
@@ -63,7 +64,7 @@ class ScenePage:
     def __init__(self, title: str, origin_m: Array, begin_ns: int = 0) -> None:
         self._title, self._origin_m, self._begin_ns = title, np.round(origin_m), begin_ns
         self._data = bytearray()
-        self._meta: dict[str, Any] = {"town": [], "lanes": [], "paths": [], "end_s": 0.0}
+        self._meta: dict[str, Any] = {"town": [], "lanes": [], "paths": [], "end_s": 0.0, "opens_s": 0.0}
 
     def _part(self, values: NDArray[Any], kind: str) -> dict[str, Any]:
         """Numbers as the page finds them; `kind` is a type of numpy."""
@@ -85,6 +86,10 @@ class ScenePage:
         step = np.maximum((local.max(axis=0) - low) / 65535.0, 1e-3)
         whole = np.rint((local - low) / step)
         return {"position": self._part(whole, "u2"), "low": low.tolist(), "step": step.tolist()}
+
+    def open_at(self, stamp_ns: int) -> None:
+        """Open the page at a time [ns]."""
+        self._meta["opens_s"] = (stamp_ns - self._begin_ns) * 1e-9
 
     def add_town(self, town: Town, path_m: Array | None = None) -> None:
         """Add a town's surfaces in their materials' mean colours.
@@ -151,12 +156,19 @@ class ScenePage:
             }
         )
 
-    def add_actors(self, timeline: Timeline, steps: int) -> None:
-        """Add boxes of all actors, at every second step."""
+    def add_actors(self, timeline: Timeline, first_step: int, end_step: int, epoch_ns: int = 0) -> None:
+        """Add boxes of all actors, at every second step.
+
+        Args:
+            timeline: The drive.
+            first_step: First step that is shown.
+            end_step: The step behind the last one.
+            epoch_ns: Time of the drive's begin, where the page's times have another 0 [ns].
+        """
         catalog = timeline.catalog
-        if not (len(catalog) and steps):
+        if not (len(catalog) and first_step < end_step):
             return
-        stamp_ns = np.arange(0, steps, 2, dtype=np.int64) * STEP_NS
+        stamp_ns = np.arange(first_step, end_step, 2, dtype=np.int64) * STEP_NS
         frames = [timeline.actors_at(int(stamp)) for stamp in stamp_ns]
         size = catalog.size_m.astype(np.float64)
         centre = np.stack([frame.position_m for frame in frames]) + [0.0, 0.0, 0.5] * size - self._origin_m
@@ -165,7 +177,7 @@ class ScenePage:
         shades = (255.0 * (catalog.tint / 255.0) ** (1 / 2.2)).astype(np.uint8)
         self._meta["actors"] = {
             "count": len(catalog),
-            "time": self._times(stamp_ns + self._begin_ns),
+            "time": self._times(stamp_ns + epoch_ns),
             "pose": self._part(np.concatenate([centre, heading[..., None]], axis=-1), "f4"),
             "size": self._part(size, "f4"),
             "colour": self._part(np.where(painted, shades, PALETTE_RGB[catalog.tag]), "u1"),
@@ -286,7 +298,7 @@ def page_of_episode(episode: Episode, town: Town, path: Path, *, overwrite: bool
     page.add_lanes(lane_lines(town.network))
     page.add_ego(np.asarray(rows["tick"], np.int64) * TICK_NS, position, np.asarray(rows["quat_xyzw"]))
     page.add_path("driven", position, TRUTH)
-    page.add_actors(episode.timeline(), len(episode.steps))
+    page.add_actors(episode.timeline(), 0, len(episode.steps))
     return page.write(path, overwrite=overwrite)
 
 
@@ -296,15 +308,17 @@ def page_of_sequence(
     *,
     estimates: Sequence[PathErrors] = (),
     period_s: float,
+    drive: Episode | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write a sequence as a page.
+    """Write a sequence as a page, which opens where the first estimate begins to leave the truth.
 
     Args:
         sequence: The sequence; clouds and pictures are left out where it has none.
         path: New file (.html).
         estimates: Estimates behind their fit, with their errors.
         period_s: Time between two clouds or pictures that are shown [s].
+        drive: The drive of the sequence, whose movers are shown; None: none are.
         overwrite: Whether an older file is replaced.
 
     Raises:
@@ -330,6 +344,13 @@ def page_of_sequence(
         error_m = np.sqrt(np.mean(estimate.error_m**2))
         colour = COLOURS[k % len(COLOURS)]
         page.add_path(f"{estimate.name}, {error_m:.3f} m", estimate.estimate_m, colour, 0.33 - height_m)
+    if estimates:
+        page.open_at(estimates[0].leaves_truth_at_ns())
+    if drive is not None:
+        description = sequence.description
+        steps = (truth.stamp_ns[[0, -1]] - description.epoch_ns) // STEP_NS
+        movers = TrafficLevel(**description.traffic).select(drive.timeline())
+        page.add_actors(movers, int(steps[0]), int(steps[1]), description.epoch_ns)
     if sequence.rig.of_kind("lidar"):
         page.add_clouds(_clouds(sequence, period_s), _TABLE, period_s)
     page.add_pictures(_pictures(sequence, period_s))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, UsageError
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
@@ -9,7 +10,7 @@ from carlaloc_env.town.build import load_town
 from recorder.dataset.layout import SEQUENCE, is_sequence, sequence_at
 from recorder.dataset.sequence import SlamSequence
 from recorder.dataset.trajectories import named_apart, read_trajectory
-from recorder.episode.episode import open_episode
+from recorder.episode.episode import Episode, open_episode
 from recorder.episode.episode_town import town_of
 from recorder.evaluation.associate import Association
 from recorder.evaluation.evaluate import evaluate
@@ -29,6 +30,7 @@ def write_view(
     estimates: Sequence[Path] = (),
     frame: str = "lidar",
     period_s: float = PERIOD_S,
+    drive: Path | None = None,
     overwrite: bool = False,
 ) -> str:
     """Write a recording of rerun (.rrd) or a page for browsers (.html).
@@ -40,6 +42,7 @@ def write_view(
         estimates: Estimated trajectories of a sequence.
         frame: Whose poses they are: `lidar`, `imu`, `camera` or `base_link`.
         period_s: Time between two clouds of a sequence [s].
+        drive: Drive of a sequence (.mcap), whose movers its page shows.
         overwrite: Replace an older file.
 
     Returns:
@@ -47,13 +50,13 @@ def write_view(
 
     Raises:
         ConfigError: the source is none of them.
-        UsageError: there are estimates, but no sequence.
+        UsageError: there are estimates or a drive, but no sequence.
         OutputError: the file may not be written.
         MissingDependencyError: rerun is not installed.
     """
     is_page = out.suffix.lower() == ".html"
-    if estimates and not is_sequence(source):
-        raise UsageError("--estimate is for sequences; give the folder of one")
+    if (estimates or drive) and not is_sequence(source):
+        raise UsageError("--estimate and --drive are for sequences; give the folder of one")
     if source.suffix == EPISODE_SUFFIX or source.name.endswith(".recording"):
         episode = open_episode(source)
         write_episode = page_of_episode if is_page else record_episode
@@ -61,9 +64,16 @@ def write_view(
         return "episode"
     if is_sequence(source):
         sequence = SlamSequence(sequence_at(source).path)
-        write_sequence = page_of_sequence if is_page else record_sequence
         errors = _errors(sequence, estimates, frame)
-        write_sequence(sequence, out, estimates=errors, period_s=period_s, overwrite=overwrite)
+        shown: dict[str, Any] = {"estimates": errors, "period_s": period_s, "overwrite": overwrite}
+        if drive is not None and Episode.load(drive).header.map_name != sequence.files.path.parent.name:
+            raise ConfigError(
+                f"{drive} is no drive in {sequence.files.path.parent.name}; give that of {source}"
+            )
+        if is_page:
+            page_of_sequence(sequence, out, drive=None if drive is None else Episode.load(drive), **shown)
+        else:
+            record_sequence(sequence, out, **shown)
         return "sequence"
     if source.is_dir() and not (source / "town.xodr").is_file():
         raise ConfigError(f"{source} is no sequence and no town; give a folder that holds {SEQUENCE}")

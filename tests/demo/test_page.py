@@ -7,10 +7,9 @@ import cv2
 import numpy as np
 from shared_fixtures.processes.browser import WIDTHS_PX, Browser
 
-from recorder.benchmark.score import Score
+from recorder.demo.answers import CONDITIONS, Answer, meaning_of
 from recorder.demo.page import EXTRAS, write_index
-from recorder.demo.story import LOOK, TRAFFIC, Scores
-from recorder.evaluation.path_errors import PathErrors
+from recorder.demo.story import LOOK, TRAFFIC
 
 
 def write_film(path: Path) -> Path:
@@ -26,48 +25,45 @@ def write_film(path: Path) -> Path:
     return path
 
 
-def scores_of(**ape_m: tuple[float, float]) -> Scores:
-    """Scores of systems: their errors static and dynamic [m]."""
-    stamp_ns = np.arange(3)
-    path_m = np.zeros((3, 3))
-    errors = PathErrors(name="e", stamp_ns=stamp_ns, truth_m=path_m, estimate_m=path_m, error_m=np.zeros(3))
-    return {
-        system: {
-            level: (
-                Score(
-                    dataset="data", town="Town10", weather="ClearNoon", traffic=level, cloud="raw",
-                    method=system, title=system, run=1, version="1", failed=None, ape_m=value,
-                ),
-                errors,
-            )
-            for level, value in zip(TRAFFIC, values, strict=True)
-        }
-        for system, values in ape_m.items()
-    }  # fmt: skip
+def answer(title: str, weather: str, **ape_m: float) -> Answer:
+    """An answer by errors of conditions, without paths."""
+    named = dict(zip(CONDITIONS, ape_m.values(), strict=False))
+    return Answer(
+        title=title,
+        weather=weather,
+        ape_m=named,
+        errors={},
+        range_m={name: (0.5 * value, 2.0 * value) for name, value in named.items()},
+        meaning=meaning_of(named, {}),
+    )
 
 
 def test_the_page_grows_and_fits_a_phone(tmp_path: Path) -> None:
-    """Pictures and films of each step are there, errors to the millimetre, and the command for the rest."""
+    """Pictures and films of each step are there, the answer first, and the command for the rest."""
     cv2.imwrite(str(tmp_path / LOOK), np.full((1080, 1920, 3), 99, np.uint8))
     cv2.imwrite(str(tmp_path / "story.png"), np.full((900, 1600, 3), 99, np.uint8))
     films = [write_film(tmp_path / "data" / f"ClearNoon_{level}" / "preview.mp4") for level in TRAFFIC]
-    scores = scores_of(GICP=(0.1234, 0.5), stereo=(0.0321, 12.5))
+    answers = [
+        answer("stereo", "ClearNoon", static=0.1234, dynamic=1.5, masked=0.0987),
+        answer("GICP", "ClearNoon", static=0.0321, dynamic=0.0322, masked=0.0321),
+    ]
     drawn = [tmp_path / "story.png", tmp_path / "report.html"]
     with Browser(tmp_path / "profile") as browser:
         for width_px in WIDTHS_PX:
-            for step, parts in ((2, ([], {}, [])), (3, (films, {}, [])), (4, (films, scores, drawn))):
+            for step, parts in ((2, ([], (), [])), (3, (films, (), [])), (4, (films, answers, drawn))):
                 browser.open(write_index(tmp_path, *parts, step=step).as_uri(), width_px)
                 assert browser.too_wide() == []
                 widths = browser.run("[...document.images].map(image => image.naturalWidth)")
-                assert widths == ([1920] if step < 4 else [1920, 1600])
+                assert widths == ([1920] if step < 4 else [1600, 1920])
                 assert browser.run("document.querySelectorAll('video').length") == (0 if step == 2 else 2)
                 text = browser.run("document.body.innerText")
                 assert (f"Step {step} of 3" in text) == (step < 4)
-            assert "0.123 m" in text
-            assert "12.500 m" in text
+            for part in ("is 0.12 m where nothing moves, 1.50 m among", "0.123 m", "(0.06–0.25)", "by 12.2"):
+                assert part in text
+            assert "does not mislead" in text
             assert EXTRAS not in text
         scene = tmp_path / "scene.html"
-        browser.open(write_index(tmp_path, films, scores, [], step=4, scene=scene).as_uri(), 390)
+        browser.open(write_index(tmp_path, films, answers, [], step=4, scene=scene).as_uri(), 390)
         assert "scene.html" in browser.run("[...document.links].map(link => link.getAttribute('href'))")
         assert EXTRAS in browser.run("document.body.innerText")
         assert browser.errors == []

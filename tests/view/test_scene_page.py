@@ -1,5 +1,6 @@
 """Pages of drives in Chromium: what stands where and when, by mouse and by touch, at two widths, offline."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,9 @@ from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
 from recorder.cli.main import main
 from recorder.episode.episode import Episode
-from recorder.evaluation.trajectory_files import read_tum
+from recorder.evaluation.trajectory_files import read_tum, write_tum
+from recorder.replaying.options import ReplayConfig
+from recorder.replaying.replay import replay
 from recorder.view.scene_page import JPEG_QUALITY, PICTURE_WIDTH_PX, POINTS_MAX, TOWN_BYTES, ScenePage
 from recorder.view.sequence_view import jpeg_of
 from recorder.writers.base import DEFAULT_EPOCH_NS
@@ -104,6 +107,36 @@ def test_a_drive_is_followed_through_its_town(short_drive: Path, tmp_path: Path)
             last = ego["position_m"][(len(ego) - 1) // 10 * 10] - np.round(ego["position_m"][0])
             np.testing.assert_allclose(browser.run("page.place.toArray()"), last, atol=2e-3)
             assert browser.run(away) == pytest.approx(before, abs=1e-3)
+        assert browser.errors == []
+
+
+@pytest.mark.long
+def test_a_sequence_shows_the_movers_of_its_drive(short_drive: Path, tmp_path: Path) -> None:
+    """Boxes stand where the drive has its actors at that time, and the page opens where an estimate leaves."""
+    begin_s = 0.5
+    config = ReplayConfig(
+        episode=short_drive, out=tmp_path / "data", rig="state", start_s=begin_s, duration_s=1.0, preview=False
+    )
+    (folder,) = replay(config).sequences
+    truth = read_tum(folder.parent / "ground_truth" / "base_link.tum")
+    late = truth.stamp_ns - truth.stamp_ns[0] > 600_000_000
+    moved = replace(truth, position_m=truth.position_m + 3.0 * late[:, None] * [0.0, 0.0, 1.0])
+    write_tum(tmp_path / "estimate.tum", moved)
+    episode = Episode.load(short_drive)
+    out = tmp_path / "scene.html"
+    words = ["view", "--html", str(folder), "--drive", str(short_drive), "--frame", "base_link"]
+    assert main([*words, "--estimate", str(tmp_path / "estimate.tum"), "--out", str(out)]) == 0
+    with Browser(tmp_path / "profile", SOLID) as browser:
+        browser.open(out.as_uri(), WIDTHS_PX[0])
+        assert browser.run(LOADED) == ""
+        assert 0.0 < float(browser.run("document.getElementById('slider').value")) <= 0.6
+        browser.run("page.show(0.4)")
+        frame = episode.timeline().actors_at(round(1e9 * (begin_s + 0.4)))
+        place = "(() => { const m = new THREE.Matrix4(); page.boxes.mesh.getMatrixAt(0, m); return m.elements; })()"
+        found = np.array(browser.run(place))[12:15]
+        height_m = episode.header.catalog.size_m[0, 2]
+        wanted = frame.position_m[0] + [0.0, 0.0, 0.5 * height_m] - np.round(truth.position_m[0])
+        np.testing.assert_allclose(found, wanted, atol=2e-2)
         assert browser.errors == []
 
 

@@ -1,4 +1,4 @@
-"""Show a recorded drive: a first picture within a minute, then sequences, SLAM systems and their errors.
+"""Show what moving cars do to SLAM: a first picture within a minute, then sequences, systems and errors.
 
 Examples:
   carlaloc demo
@@ -34,9 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "resumes an unfinished demo",
     )
     parser.add_argument("--look", action="store_true", help="end after the first picture")
-    option(parser, "--duration", positive_seconds, "S", "replayed (20)", 20.0)
-    option(parser, "--camera-start", seconds, "S", "pictures begin here (4)", 4.0)
-    option(parser, "--camera-duration", positive_seconds, "S", "of pictures (6)", 6.0)
+    option(parser, "--start", seconds, "S", "of the drive's 26 s (16)", 16.0)
+    option(parser, "--duration", positive_seconds, "S", "replayed (8)", 8.0)
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -46,7 +45,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.demo.story import DemoConfig, cost_of
     from recorder.replaying.code_digest import code_digest
 
-    options = {name: getattr(arguments, name) for name in ("duration", "camera_start", "camera_duration")}
+    options = {name: getattr(arguments, name) for name in ("start", "duration")}
 
     def look(page: Path) -> None:
         print(f"look at {page} after {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
@@ -91,9 +90,10 @@ def _folder(out: Path, demo: str) -> Iterator[Path]:
 def show(result: dict[str, Any]) -> None:
     """Print errors, and where everything lies."""
     if "ape_m" in result:
-        print("Odometry against the true motion, position error after alignment (APE, RMSE):")
-        for system, by_level in result["ape_m"].items():
-            print(f"  {system:<24}" + "   ".join(f"{level} {ape:.3f} m" for level, ape in by_level.items()))
+        print(result["answer"])
+        for system, by_condition in result["ape_m"].items():
+            errors = "   ".join(f"{condition} {ape_m:.3f} m" for condition, ape_m in by_condition.items())
+            print(f"  {system:<24}{errors}")
         for path in result["sequences"]:
             print(f"A sequence     {path}   (bag, EuRoC mav0/, preview.mp4)")
         print(f"Ground truth   {result['ground_truth']}")

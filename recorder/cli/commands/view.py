@@ -24,6 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--estimate", type=input_path, action="append", metavar="TUM", help="estimate of a sequence; repeat"
     )
     parser.add_argument(
+        "--drive", type=input_path, metavar="E.mcap", help="drive of a sequence, whose movers its page shows"
+    )
+    parser.add_argument(
         "--frame",
         choices=("lidar", "imu", "camera", "base_link"),
         default="lidar",
@@ -65,7 +68,7 @@ def _record(arguments: argparse.Namespace, out: Path) -> str:
 
     return write_view(
         arguments.what, out, map=arguments.map, estimates=arguments.estimate or (), frame=arguments.frame,
-        period_s=arguments.period, overwrite=arguments.force,
+        period_s=arguments.period, drive=arguments.drive, overwrite=arguments.force,
     )  # fmt: skip
 
 

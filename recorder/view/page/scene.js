@@ -238,7 +238,7 @@ function start(buffer) {
   addEventListener("resize", resize);
 
   resize();
-  show(0);
+  show(meta.opens_s);
   look(!ego && innerWidth < 700);
   function frame(ms) {
     requestAnimationFrame(frame);
@@ -255,7 +255,7 @@ function start(buffer) {
   requestAnimationFrame(frame);
   // For tests: the state of the page, and a picture of it.
   window.page = {
-    show, look, play, camera, place, drawn: () => renderer.info.render.triangles + renderer.info.render.points,
+    show, look, play, camera, place, boxes, drawn: () => renderer.info.render.triangles + renderer.info.render.points,
     render: () => renderer.render(scene, camera),
   };
 }
