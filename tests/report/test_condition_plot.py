@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from recorder.evaluation.path_errors import PathErrors
-from recorder.report.condition_plot import plot_conditions
+from recorder.report.condition_plot import ROW_IN, plot_conditions
 
 
 def test_the_picture_of_conditions_has_a_row_for_each_system(tmp_path: Path) -> None:
@@ -24,4 +24,4 @@ def test_the_picture_of_conditions_has_a_row_for_each_system(tmp_path: Path) -> 
     for systems in ({"A": levels}, {"A": levels, "B": levels}):
         path = plot_conditions(systems, tmp_path / "plot.png", [truth], "two ways")
         heights.append(np.asarray(cv2.imread(str(path))).shape[0])
-    assert heights[1] - heights[0] == pytest.approx(3.9 * 110, abs=2)
+    assert heights[1] - heights[0] == pytest.approx(ROW_IN * 110, abs=2)

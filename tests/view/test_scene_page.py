@@ -112,10 +112,10 @@ def test_a_drive_is_followed_through_its_town(short_drive: Path, tmp_path: Path)
 
 @pytest.mark.long
 def test_a_sequence_shows_the_movers_of_its_drive(short_drive: Path, tmp_path: Path) -> None:
-    """Boxes stand where the drive has its actors at that time, and the page opens where an estimate leaves."""
+    """Boxes stand where the drive has its actors, and the page opens where an estimate leaves."""
     begin_s = 0.5
     config = ReplayConfig(
-        episode=short_drive, out=tmp_path / "data", rig="state", start_s=begin_s, duration_s=1.0, preview=False
+        episode=short_drive, out=tmp_path / "data", rig="state", start_s=begin_s, duration_s=1.0
     )
     (folder,) = replay(config).sequences
     truth = read_tum(folder.parent / "ground_truth" / "base_link.tum")
@@ -132,8 +132,8 @@ def test_a_sequence_shows_the_movers_of_its_drive(short_drive: Path, tmp_path: P
         assert 0.0 < float(browser.run("document.getElementById('slider').value")) <= 0.6
         browser.run("page.show(0.4)")
         frame = episode.timeline().actors_at(round(1e9 * (begin_s + 0.4)))
-        place = "(() => { const m = new THREE.Matrix4(); page.boxes.mesh.getMatrixAt(0, m); return m.elements; })()"
-        found = np.array(browser.run(place))[12:15]
+        browser.run("window.matrix = new THREE.Matrix4(); page.boxes.mesh.getMatrixAt(0, matrix)")
+        found = np.array(browser.run("matrix.elements"))[12:15]
         height_m = episode.header.catalog.size_m[0, 2]
         wanted = frame.position_m[0] + [0.0, 0.0, 0.5 * height_m] - np.round(truth.position_m[0])
         np.testing.assert_allclose(found, wanted, atol=2e-2)
