@@ -1,5 +1,6 @@
 """Brings runs together: the median and range of those that did not fail, and how conditions compare."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ CONDITION = ["town", "weather", "traffic", "cloud"]
 """Columns of the condition that a row of a table stands for."""
 CLEAR = "ClearNoon"
 """Weather that others are compared with."""
+SMALL_M = 0.1
+"""Error below which a growth says little, as that at which a run never counts as diverged [m]."""
 
 
 def traffic_label(traffic: str, cloud: str) -> str:
@@ -25,12 +28,13 @@ def figure(value: float) -> str:
     return f"{value:.3f}" if abs(value) < 1.0 else f"{value:.2f}"
 
 
-def cells(runs: pd.DataFrame, column: str = "ape_m") -> pd.DataFrame:
+def cells(runs: pd.DataFrame, column: str = "ape_m", by: Sequence[str] = ()) -> pd.DataFrame:
     """A row for each condition and system, runs and noise seeds of a condition together.
 
     Args:
         runs: Runs as in ``results.csv``.
         column: The figure to bring together.
+        by: Columns that keep rows apart, too.
 
     Returns:
         Columns of the condition and ``method``; ``median``, ``low`` and ``high`` of the runs that did not
@@ -42,7 +46,7 @@ def cells(runs: pd.DataFrame, column: str = "ape_m") -> pd.DataFrame:
     value = runs[column].where(good & np.isfinite(runs[column]))
     cell = (
         runs.assign(value=value, lost=~good)
-        .groupby([*CONDITION, "method"], sort=False)
+        .groupby([*CONDITION, "method", *by], sort=False)
         .agg(
             median=("value", "median"),
             low=("value", "min"),
@@ -80,7 +84,7 @@ def best(cell: pd.DataFrame) -> pd.Series:
 
 
 def pairs_of(cell: pd.DataFrame) -> pd.DataFrame:
-    """Pairs of conditions of a town that differ in one thing.
+    """Pairs of conditions of a town that differ in one thing, both with a median.
 
     Args:
         cell: Of `cells`.
@@ -89,11 +93,35 @@ def pairs_of(cell: pd.DataFrame) -> pd.DataFrame:
         A row a pair: columns of the condition, those of the one that it is compared with, ``…_base``, what is
         compared, ``what``, the ratio of medians, ``ratio``, and the flags that `ratios` counts.
     """
-    pairs = cell.merge(cell, on=["method", "town"], suffixes=("", "_base"))
+    pairs = _pairs(cell)
+    return pairs[pairs["median"].notna()]
+
+
+def losses_of(cell: pd.DataFrame, by: Sequence[str] = ()) -> pd.DataFrame:
+    """What movers and weather cost each system, the largest loss first.
+
+    Args:
+        cell: Of `cells`.
+        by: Columns that keep rows apart, as they were given to `cells`.
+
+    Returns:
+        As `pairs_of`, with ``growth``, the ratio once `SMALL_M` is added to both medians, infinite where half
+        of the condition's runs failed, and with ``row`` and ``row_base``, their rows in `cell`. Pairs that
+        differ in their clouds are left out: labels are no condition.
+    """
+    pairs = _pairs(cell, by)
+    growth = (pairs["median"] + SMALL_M) / (pairs["median_base"] + SMALL_M)
+    pairs["growth"] = growth.where(pairs["failed"] * 2 < pairs["runs"], np.inf)
+    pairs = pairs[pairs["growth"].notna() & (pairs["cloud"] == pairs["cloud_base"])]
+    return pairs.sort_values("growth", ascending=False, kind="stable", ignore_index=True)
+
+
+def _pairs(cell: pd.DataFrame, by: Sequence[str] = ()) -> pd.DataFrame:
+    numbered = cell.reset_index(names="row")
+    pairs = numbered.merge(numbered, on=["method", "town", *by], suffixes=("", "_base"))
     pairs["what"] = _compared(pairs)
+    pairs = pairs[(pairs["median_base"] > 0) & (pairs["what"] != "")].copy()
     pairs["ratio"] = pairs["median"] / pairs["median_base"]
-    has_ratio = pairs["median"].notna() & (pairs["median_base"] > 0)
-    pairs = pairs[has_ratio & (pairs["what"] != "")].copy()
     pairs["repeated"] = (pairs["measured"] > 1) & (pairs["measured_base"] > 1)
     overlap = (pairs["low"] <= pairs["high_base"]) & (pairs["low_base"] <= pairs["high"])
     pairs["within"] = pairs["repeated"] & overlap

@@ -2,7 +2,7 @@
 
 import base64
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.benchmark.cells import traffic_label
+from recorder.benchmark.headline import headline
 from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.benchmark.plots import (
     Box,
@@ -53,6 +54,8 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
     colour = dict(zip(titles_of(runs).index, COLOURS * len(runs), strict=False))
     errors = result.errors()
     bars = _real_time(runs, colour)
+    sentence, shown = headline(runs)
+    areas = _areas(result, shown, dict(errors))
     sections = []
     for k, sequence in enumerate(result.sequences):
         here = [run for run in errors if run[0].sequence == sequence and run[0].run == 1]
@@ -61,6 +64,9 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
     template = Path(__file__).with_name("page.html.jinja").read_text(encoding="utf-8")
     page = Environment(autoescape=True, trim_blocks=True).from_string(template)
     text = page.render(
+        sentence=sentence,
+        picture=curve_plot(areas, "second of the drive", "position error [m]") if areas else "",
+        shown={line.label: line.colour for line in areas},
         rule=RULE,
         letters=LETTERS,
         tables=all_tables(runs) if tables is None else tables,
@@ -74,14 +80,18 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
     return path
 
 
-def write_benchmark_report(result: BenchmarkResult) -> list[Path]:
+def write_benchmark_report(result: BenchmarkResult, more: Tables = ()) -> list[Path]:
     """Write the tables of a benchmark and its page beside its results.
+
+    Args:
+        result: Result of the benchmark.
+        more: Further tables, which stand first.
 
     Raises:
         EvaluationError: a file cannot be written, or errors of a run are gone.
     """
     runs = frame_of(result.scores)
-    tables = all_tables(runs)
+    tables = [*more, *all_tables(runs)]
     return [*write_tables(runs, tables, result.out), write_page(result, tables)]
 
 
@@ -89,6 +99,18 @@ def page_head(title: str) -> str:
     """Beginning of a page in the same style."""
     template = Path(__file__).with_name("page.html.jinja").read_text(encoding="utf-8")
     return template.partition("</style>")[0].replace("<title>Benchmark", f"<title>{title}") + "</style>"
+
+
+def _areas(
+    result: BenchmarkResult, shown: Mapping[str, np.ndarray], errors: Mapping[Job, PathErrors]
+) -> list[Line]:
+    """Errors of the runs that show a headline, a colour for each of its cells."""
+    return [
+        Line(label=words, colour=colour, x=one.time_s(job.sequence.epoch_ns), y=one.error_m)
+        for (words, of_cell), colour in zip(shown.items(), COLOURS * len(shown), strict=False)
+        for job, is_shown in zip(result.jobs, of_cell, strict=True)
+        if is_shown and (one := errors.get(job))
+    ]
 
 
 def _boxes(
@@ -125,11 +147,11 @@ def _section(
     """Values of a sequence for the page's template."""
     start_ns = min(int(errors.stamp_ns[0]) for _, errors in runs)
     longest = max((errors for _, errors in runs), key=lambda errors: len(errors.stamp_ns))
-    elapsed_s, distance_m = (longest.stamp_ns - start_ns) * 1e-9, longest.distance_m
+    elapsed_s, distance_m = longest.time_s(start_ns), longest.distance_m
     above, over_time, over_way = [], [], []
     for job, errors in runs:
         line = partial(Line, label=errors.name, colour=colour[job.system.name], dashed=job.cloud != RAW)
-        seconds = np.asarray((errors.stamp_ns - start_ns) * 1e-9, np.float64)
+        seconds = errors.time_s(start_ns)
         above.append(line(x=errors.estimate_m[:, 0], y=errors.estimate_m[:, 1]))
         over_time.append(line(x=seconds, y=errors.error_m))
         over_way.append(

@@ -59,6 +59,11 @@ class BenchmarkSequence:
         return max(described.movers.values(), default=0.0)
 
     @property
+    def epoch_ns(self) -> int:
+        """Stamp of the beginning of its drive, of which it may be a stretch [ns]."""
+        return SequenceDescription.read(SequenceFolder(self.path)).epoch_ns
+
+    @property
     def key(self) -> str:
         """Its place below the folder that was searched."""
         return Path(self.dataset, self.town, self.path.name).as_posix()

@@ -96,14 +96,16 @@ def map_plot(truth_m: Array, lines: Sequence[Line], lanes_m: Sequence[Array]) ->
 
 
 @rc_context(_STYLE)
-def curve_plot(lines: Sequence[Line], x_label: str, y_label: str, *, name: str, axis: int = 0) -> str:
+def curve_plot(
+    lines: Sequence[Line], x_label: str, y_label: str, *, name: str | None = None, axis: int = 0
+) -> str:
     """Curves from zero upwards; a click on them gives the page the abscissa.
 
     Args:
-        lines: Curves.
+        lines: Curves; those of a gallery begin at 0.
         x_label: What is to the right.
         y_label: What is upwards.
-        name: Name of the gallery whose picture a click shows.
+        name: Name of the gallery whose picture a click shows; None: areas below the curves and no gallery.
         axis: Which number of the gallery's pictures the abscissa is: 0 time, 1 distance.
     """
     figure = new_figure(_WIDTH_IN, 0.5 * _WIDTH_IN)
@@ -113,18 +115,20 @@ def curve_plot(lines: Sequence[Line], x_label: str, y_label: str, *, name: str, 
         x, y = (float(values[np.argmax(line.y)]) for values in (line.x, line.y))
         title = f"{line.label}: {y:.3f} m at {x:.1f} {'sm'[axis]}"
         axes.plot(x, y, "o", color=line.colour, ms=7, clip_on=False, gid=f"peak {escape(title)}")
+        if name is None:
+            axes.fill_between(line.x, line.y, color=line.colour, alpha=0.2, lw=0)
+    x_min = min(float(line.x.min()) for line in lines)
     x_max = max(float(line.x.max()) for line in lines) or 1.0
     y_max = max(float(line.y.max()) for line in lines) or 1.0
-    axes.set(xlim=(0.0, x_max), ylim=(0.0, 1.05 * y_max), xlabel=x_label, ylabel=y_label)
+    axes.set(xlim=(x_min, x_max), ylim=(0.0, 1.05 * y_max), xlabel=x_label, ylabel=y_label)
     axes.grid()
     figure.draw_without_rendering()
     place = axes.get_position()
-    return _svg(
-        figure,
-        y_label,
+    gallery = (
         f'class="curve" data-gallery="{name}" data-axis="{axis}" data-xmax="{x_max:.4f}" '
-        f'data-left="{place.x0:.5f}" data-width="{place.width:.5f}"',
+        f'data-left="{place.x0:.5f}" data-width="{place.width:.5f}"'
     )
+    return _svg(figure, y_label, gallery if name is not None else "")
 
 
 @rc_context(_STYLE)

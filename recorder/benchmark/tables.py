@@ -109,7 +109,7 @@ def all_tables(runs: pd.DataFrame) -> Tables:
     tables.append(("Cost", cost_table(runs)))
     tables.append(("Why runs failed", failure_table(runs)))
     tables.append(("Findings about data and estimates", failure_table(runs, "findings")))
-    return [(title, table) for title, table in tables if len(table)]
+    return [(title, table.loc[:, (table != "").any()]) for title, table in tables if len(table)]
 
 
 def titles_of(runs: pd.DataFrame) -> pd.Series:
@@ -120,15 +120,18 @@ def titles_of(runs: pd.DataFrame) -> pd.Series:
 def error_table(runs: pd.DataFrame, column: str = "ape_m", *, by_weather: bool) -> pd.DataFrame:
     """A row for each town, weather and traffic level, a column for each system, the best in bold.
 
+    Systems without any figure have no column, and conditions without any no row.
+
     Args:
         runs: Runs.
         column: The figure.
         by_weather: Whether the weather is a column although there is one alone.
     """
     cell = cells(runs, column)
+    cell = cell[(cell["text"] != "–").groupby(cell["method"]).transform("any")]
     cell["text"] = cell["text"].where(~best(cell), "**" + cell["text"] + "**")
     rows = pd.MultiIndex.from_frame(cell[CONDITION].drop_duplicates())
-    titles = titles_of(runs)
+    titles = titles_of(runs[runs["method"].isin(cell["method"])])
     words = cell.set_index([*CONDITION, "method"])["text"].unstack().reindex(rows)[titles.index].fillna("–")
     words.columns = titles
     table = words.reset_index()
@@ -152,6 +155,12 @@ def ratio_table(runs: pd.DataFrame) -> pd.DataFrame:
             "within the spread of runs": within,
         }
     )
+
+
+def condition_of(rows: pd.DataFrame, suffix: str = "") -> pd.Series:
+    """Weather and traffic of rows in words, by columns with a suffix; clouds where they are not raw."""
+    cloud = (" " + rows["cloud"]).where(rows["cloud"] != RAW, "")
+    return rows[f"weather{suffix}"] + " " + rows[f"traffic{suffix}"] + cloud
 
 
 def times(values: pd.Series) -> pd.Series:
@@ -198,9 +207,8 @@ def failure_table(runs: pd.DataFrame, column: str = "failed") -> pd.DataFrame:
         column: Column of the reasons: ``failed`` or ``findings``.
     """
     runs = runs.assign(**{column: runs[column].where(runs[column] != "")})
-    cloud = (" " + runs["cloud"]).where(runs["cloud"] != RAW, "")
-    condition = runs["weather"] + " " + runs["traffic"] + cloud
-    groups = runs.groupby([runs["title"], runs["town"], condition.rename("condition")], sort=False)[column]
+    condition = condition_of(runs).rename("condition")
+    groups = runs.groupby([runs["title"], runs["town"], condition], sort=False)[column]
     table = groups.agg(
         lost="count", runs="size", reason=lambda reasons: "; ".join(reasons.dropna().unique())
     ).reset_index()

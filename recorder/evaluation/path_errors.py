@@ -63,6 +63,10 @@ class PathErrors:
         apart_m = np.linalg.norm(difference_m[later] - difference_m, axis=1)
         return int(self.stamp_ns[np.argmax(apart_m >= 0.5 * apart_m.max())])
 
+    def time_s(self, start_ns: int) -> Array:
+        """Times since a stamp [s], shape (N,)."""
+        return np.asarray((self.stamp_ns - start_ns) * 1e-9, np.float64)
+
     def save(self, path: Path) -> None:
         """Write them to a new file (.npz)."""
         with atomic_write(path, EvaluationError) as part, part.open("wb") as file:

@@ -151,11 +151,15 @@ def test_clouds_without_labels_are_not_asked_for_less_movers(tmp_path: Path) -> 
 
 def test_command_and_its_limit(data: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     words = ["benchmark", str(data), "--out", str(tmp_path), "--methods", "small_gicp", "--clouds", "raw"]
-    assert main([*words, "--fail-above", "0.5", "--json"]) == 0
-    files = {Path(file).name for file in json.loads(capfd.readouterr().out)["files"]}
+    assert main([*words, "--fail-above", "0.5", "--windows", "1", "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    files = {Path(file).name for file in found["files"]}
     assert files >= {"results.csv", "tables.md", "tables.tex"}
-    assert main([*words, "--fail-above", "0.0001"]) == 1
+    # Both levels have the same sweeps.
+    assert (found["windows"], found["headline"][:36]) == ([], "No system loses clearly; small_gicp ")
+    assert main([*words, "--fail-above", "0.0001", "--windows", "1"]) == 1
     told = capfd.readouterr().out
+    assert "no window" in told
     assert "above the limit: small_gicp Box ClearNoon dynamic: APE 0." in told
     assert "2 of them done before" in told
 

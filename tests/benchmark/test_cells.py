@@ -1,18 +1,10 @@
 """Cells, the best of a row and ratios, by hand-made scores."""
 
-from typing import Any
-
 import pytest
+from shared_fixtures.readings.scores import score
 
 from recorder.benchmark.cells import best, cells, ratios
-from recorder.benchmark.score import Score
-from recorder.benchmark.tables import cost_table, error_table, frame_of
-
-
-def score(method: str, traffic: str, ape_m: float, failed: str | None = None, **others: Any) -> Score:
-    fixed = {"dataset": ".", "town": "T", "weather": "ClearNoon", "cloud": "raw", "run": 1, "version": "1"}
-    known = fixed | others
-    return Score(**known, traffic=traffic, method=method, title=method, failed=failed, ape_m=ape_m)
+from recorder.benchmark.tables import all_tables, cost_table, error_table, frame_of
 
 
 def test_a_cell_is_the_median_with_its_range() -> None:
@@ -56,10 +48,24 @@ def test_what_was_not_measured_is_a_dash_and_never_the_best() -> None:
     """Drift has no segment on a short way: that is neither a failure nor a figure."""
     nan = float("nan")
     runs = [score("a", "static", nan), score("b", "static", nan), score("a", "dynamic", nan)]
-    frame = frame_of([*runs, score("b", "dynamic", 3.0)])
-    table = error_table(frame, by_weather=False)
-    assert table.to_numpy().tolist() == [["T", "s", "–", "–"], ["T", "d", "–", "**3.00**"]]
-    assert ratios(cells(frame)).empty
+    runs += [score("b", "dynamic", 3.0), score("a", "empty", 4.0)]
+    table = error_table(frame_of(runs), by_weather=False)
+    rows = [["T", "e", "4.00", "–"], ["T", "s", "–", "–"], ["T", "d", "–", "**3.00**"]]
+    assert table.to_numpy().tolist() == rows
+    assert ratios(cells(frame_of(runs[:-1]))).empty
+
+
+def test_columns_without_any_figure_are_left_out() -> None:
+    """The other system keeps its figures, and is no best of one; costs and drift have none."""
+    nan = float("nan")
+    runs = [score("a", "static", nan), score("b", "static", 2.0), score("a", "dynamic", nan)]
+    table = error_table(frame_of(runs), by_weather=False)
+    assert table.columns.tolist() == ["town", "traffic", "b"]
+    assert table.to_numpy().tolist() == [["T", "s", "2.00"]]
+    tables = dict(all_tables(frame_of(runs)))
+    assert not [title for title in tables if "drift" in title]
+    assert tables["Cost"].columns.tolist() == ["system", "version", "runs", "failed"]
+    assert not [word for table in tables.values() for word in table if not "".join(table[word]).strip("–")]
 
 
 def test_costs_are_medians_of_runs_that_were_measured() -> None:

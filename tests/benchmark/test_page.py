@@ -30,6 +30,8 @@ def test_the_page_needs_nothing_but_itself(tmp_path: Path) -> None:
     assert not re.findall(r"(?:src|href)=[\"'](?!data:|#)", text)
     assert text.count('class="curve"') == 2  # over time and over the way
     assert "small_gicp seg" in text
+    lead, table = text.index("Position errors: small_gicp 0."), text.index("<table")
+    assert lead < text.index("<svg") < table
     for svg in re.findall(r"<svg.*?</svg>", text, re.S):
         ET.fromstring(svg)
 
@@ -76,6 +78,16 @@ def test_long_curves_keep_their_peaks_and_say_where_zero_is() -> None:
     width = float(str(root.get("viewBox")).split()[2])
     left, inner, x_max = (float(str(root.get(f"data-{name}"))) for name in ("left", "width", "xmax"))
     assert (top[0] / width - left) / inner * x_max == pytest.approx(31_234, abs=x_max / 1000)
+
+
+def test_curves_without_a_gallery_are_areas_from_zero() -> None:
+    """An error ten times as large is ten times as high."""
+    x, errors_m = np.arange(3.0), {"none": 0.0, "static": 0.14, "dynamic": 1.4}
+    lines = [Line(label=name, colour="#111111", x=x, y=np.full(3, y)) for name, y in errors_m.items()]
+    figure = curve_plot(lines, "time [s]", "error [m]")
+    none, static, dynamic = (drawn(figure, name)[0, 1] for name in errors_m)
+    assert none - dynamic == pytest.approx(10 * (none - static), rel=1e-3)
+    assert figure.count("fill: #111111; fill-opacity: 0.2") == 3
 
 
 def test_boxes_show_failures() -> None:

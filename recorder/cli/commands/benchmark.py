@@ -7,6 +7,7 @@ Examples:
   carlaloc benchmark data --out scores --methods kiss_icp,small_gicp --runs 3
   carlaloc benchmark data --out scores --methods my_system.py --fail-above 0.5
   carlaloc benchmark data --out scores --again failed
+  carlaloc benchmark data --out scores --windows 8
   carlaloc benchmark data --out scores --rerun
 """
 
@@ -30,6 +31,7 @@ from recorder.cli.arguments import (
     number,
     option,
     positive_int,
+    positive_seconds,
 )
 from recorder.cli.progress import Progress
 
@@ -63,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--workers", positive_int, "N", "runs at a time, on cores of their own", 1)
     parser.add_argument("--lidar", metavar="NAME", help="LiDAR that systems read; else the rig's first")
     option(parser, "--clouds", names, "A,B", "raw, seg", ("raw", "seg"))
+    option(parser, "--windows", positive_seconds, "S", "report where movers or weather hurt, in S seconds")
     parser.add_argument("--again", choices=("failed", "all"), help="run kept results again, too")
     parser.add_argument(
         "--rerun", action="store_true", help="a recording of each sequence with all estimates, too (rerun)"
@@ -75,6 +78,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     check_tools()
     from recorder.benchmark.page import write_benchmark_report
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
+    from recorder.benchmark.windows import hurt_windows, window_tables
 
     out = _out(arguments)
     config = config_of(BenchmarkConfig, arguments, data=_data(arguments, out), out=out)
@@ -84,7 +88,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         import_rerun()  # reports now, not after hours, that it is missing
     with Progress("runs", unit="runs") as progress:
         result = run_benchmark(config, progress.pieces)
-    files = write_benchmark_report(result)
+    windows = None if arguments.windows is None else hurt_windows(result, arguments.windows)
+    files = write_benchmark_report(result, [] if windows is None else window_tables(windows))
     if arguments.rerun:
         from recorder.benchmark.recordings import write_recordings
 
@@ -99,6 +104,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "files": [str(path) for path in files],
         "runs": len(result.scores),
         "reused": result.reused,
+        "windows": None if windows is None else windows.to_dict("records"),
         "scores": [asdict(score) for score in result.scores],
         "failures": failures,
         "above": [
@@ -159,11 +165,18 @@ def check_tools() -> None:
 
 
 def show(result: dict[str, Any]) -> None:
-    """Print the tables of errors and cost, and a line for each failed run."""
-    from recorder.benchmark.score import Score
-    from recorder.benchmark.tables import all_tables, frame_of
+    """Print the result in a sentence, the tables of errors and cost, and a line for each failed run."""
+    import pandas as pd
 
-    for title, table in all_tables(frame_of([Score(**score) for score in result["scores"]])):
+    from recorder.benchmark.headline import headline
+    from recorder.benchmark.tables import all_tables
+    from recorder.benchmark.windows import window_tables
+
+    runs = pd.DataFrame(result["scores"])
+    print(headline(runs)[0] + "\n")
+    if result["windows"] == []:
+        print("no window in which an error grows beyond the spread; give two conditions or shorter windows\n")
+    for title, table in [*window_tables(pd.DataFrame(result["windows"])), *all_tables(runs)]:
         print(title)
         rows = [list(table), *table.to_numpy().tolist()]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
