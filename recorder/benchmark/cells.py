@@ -15,6 +15,8 @@ CLEAR = "ClearNoon"
 """Weather that others are compared with."""
 SMALL_M = 0.1
 """Error below which a growth says little, as that at which a run never counts as diverged [m]."""
+CLEAR_GROWTH = 1.1
+"""Least growth of an error that counts as a loss."""
 
 
 def traffic_label(traffic: str, cloud: str) -> str:
@@ -106,12 +108,14 @@ def losses_of(cell: pd.DataFrame, by: Sequence[str] = ()) -> pd.DataFrame:
 
     Returns:
         As `pairs_of`, with ``growth``, the ratio once `SMALL_M` is added to both medians, infinite where half
-        of the condition's runs failed, and with ``row`` and ``row_base``, their rows in `cell`. Pairs that
-        differ in their clouds are left out: labels are no condition.
+        of the condition's runs failed, ``clear``, whether it is at least `CLEAR_GROWTH` and ranges of runs do
+        not overlap, and ``row`` and ``row_base``, their rows in `cell`. Pairs that differ in their clouds are
+        left out: labels are no condition.
     """
     pairs = _pairs(cell, by)
     growth = (pairs["median"] + SMALL_M) / (pairs["median_base"] + SMALL_M)
     pairs["growth"] = growth.where(pairs["failed"] * 2 < pairs["runs"], np.inf)
+    pairs["clear"] = (pairs["growth"] >= CLEAR_GROWTH) & ~pairs["within"]
     pairs = pairs[pairs["growth"].notna() & (pairs["cloud"] == pairs["cloud_base"])]
     return pairs.sort_values("growth", ascending=False, kind="stable", ignore_index=True)
 

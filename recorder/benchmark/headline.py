@@ -7,9 +7,6 @@ from recorder.benchmark.cells import CONDITION, cells, figure, losses_of
 from recorder.benchmark.tables import titles_of
 from recorder.dataset.sequence import RAW
 
-CLEAR_GROWTH = 1.1
-"""Least growth of an error that counts as a loss, see `losses_of`."""
-
 
 def headline(runs: pd.DataFrame) -> tuple[str, dict[str, np.ndarray]]:
     """The largest loss by movers or weather; without two conditions, the errors under the hardest one.
@@ -31,17 +28,14 @@ def headline(runs: pd.DataFrame) -> tuple[str, dict[str, np.ndarray]]:
         named = {f"{titles[one['method']]} {_error(one)}": one for _, one in here.iterrows()}
         begin, ratio, end = "Position errors: ", "", "No two conditions have results to compare."
     else:
-        clear = losses[(losses["growth"] >= CLEAR_GROWTH) & ~losses["within"]]
-        loss = (clear if len(clear) else losses).iloc[0]
+        loss = losses.sort_values("clear", ascending=False, kind="stable").iloc[0]
         at, now = cell.loc[loss["row_base"]], cell.loc[loss["row"]]
         by = "traffic" if at["weather"] == now["weather"] else "weather"
         words = {name: f"in {name}" for name in cell["weather"]} | {"dynamic": "among movers"}
         named = {f"{_error(one)} {words.get(one[by], one[by])}": one for one in (at, now)}
-        title, end = titles[loss["method"]], _evidence(loss)
         ratio = f" (×{loss['ratio']:.3g})" if np.isfinite(loss["ratio"]) else ""
-        begin = (
-            f"{title} loses most: " if len(clear) else f"No system loses clearly; {title} is the closest: "
-        )
+        begin = "{} loses most: " if loss["clear"] else "No system loses clearly; {} is the closest: "
+        begin, end = begin.format(titles[loss["method"]]), _evidence(loss)
     place = ", ".join(now[name] for name in CONDITION if now[name] == at[name] != RAW)
     shown = {name: _runs_of(runs, one) for name, one in named.items()}
     return f"{begin}{', '.join(named)}{ratio}; {place}. {end}", shown

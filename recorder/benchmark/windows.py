@@ -20,7 +20,7 @@ def hurt_windows(result: BenchmarkResult, length_s: float) -> pd.DataFrame:
     """The window of each pair of conditions in which the error grows most, the largest growth first.
 
     Pairs and growth are those of `losses_of`, within a drive. Errors are medians over runs, diverged ones
-    too, and noise seeds. Windows without growth are left out, and those in which the ranges of runs overlap.
+    too, and noise seeds. Windows without a clear growth are left out.
 
     Args:
         result: Result of the benchmark.
@@ -45,8 +45,7 @@ def hurt_windows(result: BenchmarkResult, length_s: float) -> pd.DataFrame:
     by = ["title", "drive", "start_s"]
     losses = losses_of(cells(windows, "error_m", by), by).assign(length_s=length_s)
     losses = losses.rename(columns={"median": "error_m", "median_base": "error_base_m"})
-    grown = losses[(losses["growth"] > 1) & ~losses["within"]]
-    return grown.drop_duplicates(_PAIR, ignore_index=True)[[*_PAIR, *_FIGURES]]
+    return losses[losses["clear"]].drop_duplicates(_PAIR, ignore_index=True)[[*_PAIR, *_FIGURES]]
 
 
 def window_tables(windows: pd.DataFrame) -> Tables:
@@ -63,9 +62,8 @@ def window_tables(windows: pd.DataFrame) -> Tables:
         "its error [m]": windows["error_base_m"].map(figure),
         "ratio": times(windows["ratio"]),
     }
-    length = f"{windows['length_s'].iloc[0]:g} s"
-    title = f"Windows of {length} in which movers or weather hurt most, each fitted alone"
-    return [(title, pd.DataFrame(table))]
+    title = "Windows of {:g} s in which movers or weather hurt most, each fitted alone"
+    return [(title.format(windows["length_s"].iloc[0]), pd.DataFrame(table))]
 
 
 def window_errors(errors: PathErrors, epoch_ns: int, length_s: float) -> tuple[Array, Array]:
@@ -90,13 +88,10 @@ def window_errors(errors: PathErrors, epoch_ns: int, length_s: float) -> tuple[A
     if len(sample) < first + count:
         return np.zeros(0), np.zeros(0)
 
-    def windows(way_m: Array) -> Array:
-        at = np.stack([np.interp(sample * PERIOD_NS, time_ns, axis) for axis in way_m.T])
-        of = np.lib.stride_tricks.sliding_window_view(at, count, axis=1)[:, first::STEP].swapaxes(0, 1)
-        centred: Array = of - of.mean(axis=2, keepdims=True)
-        return centred
-
-    x, y = windows(errors.estimate_m), windows(errors.truth_m)
+    ways = (errors.estimate_m, errors.truth_m)
+    both = np.array([[np.interp(sample * PERIOD_NS, time_ns, axis) for axis in way_m.T] for way_m in ways])
+    windows = np.lib.stride_tricks.sliding_window_view(both, count, axis=2)[:, :, first::STEP].swapaxes(1, 2)
+    x, y = windows - windows.mean(axis=3, keepdims=True)
     U, _, Vt = np.linalg.svd(y @ x.swapaxes(1, 2))
     U[..., 2] *= np.linalg.det(U @ Vt)[:, None]
     rmse_m = np.sqrt(np.mean(np.sum((y - U @ Vt @ x) ** 2, axis=1), axis=1))

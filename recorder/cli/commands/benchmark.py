@@ -175,7 +175,7 @@ def show(result: dict[str, Any]) -> None:
     runs = pd.DataFrame(result["scores"])
     print(headline(runs)[0] + "\n")
     if result["windows"] == []:
-        print("no window in which an error grows beyond the spread; give two conditions or shorter windows\n")
+        print("no window in which an error clearly grows; it needs two conditions, and longer drives\n")
     for title, table in [*window_tables(pd.DataFrame(result["windows"])), *all_tables(runs)]:
         print(title)
         rows = [list(table), *table.to_numpy().tolist()]
