@@ -78,6 +78,7 @@ findings: $(READY)
 	$(BIN)/python docs/findings/findings.py --work out/findings
 
 soak: $(PEERS)
+	$(BIN)/python -m pip install --quiet --group docs
 	$(BIN)/python -m pytest -m soak
 
 clean:

@@ -1,18 +1,15 @@
-"""Hooks of MkDocs: pages of the root, links to code, the reference, tutorials that run."""
+"""Hooks of MkDocs: pages of the root, links to code, the reference, tutorials as pages and notebooks."""
 
 import ast
 import os
 import re
-import tempfile
-from collections.abc import Iterator
-from contextlib import redirect_stdout
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File
 
 from carlaloc_env import TOWNS
+from tutorials import notebook_of, run_tutorial
 
 ROOT = Path(__file__).resolve().parents[2]
 FROM_ROOT = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
@@ -35,7 +32,7 @@ def on_files(files: Any, config: Any) -> Any:
         files.append(File.generated(config, f"reference/{package}.md", content=reference(package)))
     files.append(File.generated(config, "gallery.md", content=gallery()))
     for script in sorted((ROOT / "docs" / "tutorials").glob("*.py")):
-        for name, content in run_tutorial(script):
+        for name, content in ((f"{script.stem}.ipynb", notebook_of(script)), *run_tutorial(script)):
             files.append(File.generated(config, f"tutorials/{name}", content=content))
     return files
 
@@ -82,32 +79,3 @@ def gallery() -> str:
     towns = "\n".join(f"## {town}\n\n![{town}](gallery/{town}.jpg)\n" for town in (*TOWNS, *CITIES))
     credit = "Data of the cities: © OpenStreetMap contributors, ODbL 1.0."
     return f"# Gallery\n\n## Three weathers\n\n![All towns](gallery/weathers.jpg)\n\n{towns}\n{credit}\n"
-
-
-def run_tutorial(script: Path) -> Iterator[tuple[str, str | bytes]]:
-    """Run a script of cells (``# %%``); text cells (``# %% [markdown]``) show pictures that code has written.
-
-    Args:
-        script: The script; it runs in an empty folder.
-
-    Yields:
-        Name and content of the page, then of each picture.
-    """
-    page, space, before = "", {"__name__": script.stem}, Path.cwd()
-    with tempfile.TemporaryDirectory() as folder:
-        os.chdir(folder)
-        for cell in re.split(r"^# %%", script.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
-            kind, _, text = cell.partition("\n")
-            if "[markdown]" in kind:
-                page += re.sub(r"^# ?", "", text.strip(), flags=re.MULTILINE) + "\n\n"
-                continue
-            printed = StringIO()
-            with redirect_stdout(printed):
-                exec(compile(text, str(script), "exec"), space)
-            page += f"```python\n{text.strip()}\n```\n\n"
-            if printed.getvalue():
-                page += f"```text\n{printed.getvalue().rstrip()}\n```\n\n"
-        os.chdir(before)
-        yield f"{script.stem}.md", page
-        for name in re.findall(r"!\[.*?\]\((.+?)\)", page):
-            yield name, Path(folder, name).read_bytes()

@@ -12,7 +12,7 @@ from recorder import DEMO_DRIVE, ReplayConfig, replay
 result = replay(
     ReplayConfig(
         episode=DEMO_DRIVE,
-        out=Path("data"),
+        out=Path("slam"),
         traffic=("static", "dynamic"),
         rig="lidar",
         formats=("rosbag1",),

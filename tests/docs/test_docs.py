@@ -109,7 +109,7 @@ def test_changelog_and_package_have_one_version() -> None:
     """The newest entry, the package and its metadata agree."""
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     newest = re.findall(r"^## \[(\d+\.\d+\.\d+)\]", text, re.MULTILINE)[0]
-    assert newest == carlaloc_env.__version__ == version("carlaloc-env")
+    assert newest == carlaloc_env.__version__ == version("carlaloc")
 
 
 def test_conventions_list_all_tags() -> None:
