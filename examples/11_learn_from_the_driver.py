@@ -13,7 +13,7 @@ import numpy as np
 try:
     import torch
 except ImportError as error:
-    raise SystemExit(f"{error}: pip install 'carlaloc-env[learn]'") from error
+    raise SystemExit(f"{error}: pip install 'carlaloc[learn]'") from error
 
 from learning.pupil import Pupil
 from learning.town01_route import make_env, ride

@@ -14,7 +14,7 @@ try:
     import minari
     import torch
 except ImportError as error:
-    raise SystemExit(f"{error}: pip install 'carlaloc-env[learn,minari]'") from error
+    raise SystemExit(f"{error}: pip install 'carlaloc[learn,minari]'") from error
 
 from learning.pupil import Pupil
 from learning.town01_route import SKIP, Ride, make_env

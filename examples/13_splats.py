@@ -1,6 +1,6 @@
 """Fit splats to a `--format colmap` sequence on a CPU: do masks bring pictures nearer to the clean plate?
 
-pip install "carlaloc-env[splats]"
+pip install "carlaloc[splats]"
 carlaloc replay drive.mcap --format colmap --traffic dynamic,static --duration 4 --out data
 python examples/13_splats.py data/Town10/ClearNoon_dynamic/colmap
 """
@@ -14,7 +14,7 @@ try:
     from splatting.fit import colours, fit, lists_of
     from splatting.views import seeds_of, views_of
 except ImportError as error:
-    raise SystemExit(f"{error}: pip install 'carlaloc-env[splats]'") from error
+    raise SystemExit(f"{error}: pip install 'carlaloc[splats]'") from error
 
 
 def main(

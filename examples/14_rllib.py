@@ -11,7 +11,7 @@ try:
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.tune.registry import register_env
 except ImportError as error:
-    raise SystemExit(f"{error}: pip install 'carlaloc-env[ray]'") from error
+    raise SystemExit(f"{error}: pip install 'carlaloc[ray]'") from error
 
 from carlaloc_env import CarlaLocEnv
 

@@ -15,7 +15,7 @@ try:
     from stable_baselines3.common.callbacks import ConvertCallback, EveryNTimesteps
     from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 except ImportError as error:
-    raise SystemExit(f"{error}: pip install 'carlaloc-env[learn]'") from error
+    raise SystemExit(f"{error}: pip install 'carlaloc[learn]'") from error
 
 from learning.agent import act, load, new_agent, save
 from learning.drive_env import MILD, drive_env, logged

@@ -12,7 +12,7 @@ try:
     import torch
     from stable_baselines3.common.vec_env import DummyVecEnv
 except ImportError as error:
-    raise SystemExit(f"{error}: pip install 'carlaloc-env[learn]'") from error
+    raise SystemExit(f"{error}: pip install 'carlaloc[learn]'") from error
 
 from learning.agent import act, load, new_agent
 from learning.drive_env import drive_env

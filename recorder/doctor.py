@@ -218,7 +218,7 @@ def _cache() -> Finding:
 
 
 def _optional(module: str, purpose: str, extra: str) -> Finding:
-    remedy = f'pip install "carlaloc-env[{extra}]"'
+    remedy = f'pip install "carlaloc[{extra}]"'
     return _finding(module, find_spec(module) is not None, f"for {purpose}", remedy)
 
 

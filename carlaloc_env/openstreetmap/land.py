@@ -106,7 +106,7 @@ def _read(path: Path, geo: GeoReference, west_south: Array, cell_m: float, shape
         from rasterio.vrt import WarpedVRT
     except ImportError as error:
         raise MissingDependencyError(
-            "heights need rasterio: pip install 'carlaloc-env[heights]', or leave --heights out"
+            "heights need rasterio: pip install 'carlaloc[heights]', or leave --heights out"
         ) from error
     west, north = west_south + np.array([-0.5, shape[1] - 0.5]) * cell_m
     try:

@@ -25,7 +25,7 @@ from recorder.episode.episode import Episode
 from recorder.writers.topic_profiles import profile_by_name, profile_for
 from recorder.writers.topics import TopicProfile
 
-VERSIONED = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
+VERSIONED = ("carlaloc", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
 """Distributions whose versions shape a dataset."""
 
 

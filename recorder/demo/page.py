@@ -11,7 +11,7 @@ from recorder.demo.story import LOOK
 INDEX = "index.html"
 STEPS = ("a first look", "replaying two weathers × two traffic levels", "running SLAM systems")
 """What the demo does, in this order."""
-EXTRAS = 'pip install "carlaloc-env[slam,report]"'
+EXTRAS = 'pip install "carlaloc[slam,report]"'
 """What brings the rest of the demo."""
 _HEAD = """<!doctype html>
 <html lang="en">

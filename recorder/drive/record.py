@@ -43,7 +43,7 @@ Progress = Callable[[float, float], None]
 
 PATIENCE_S = 300.0
 """A drive without a duration ends after so long without progress [s]; others wait 150 s at most."""
-VERSIONED = ("carlaloc-env", "pybullet", "numpy", "scipy")
+VERSIONED = ("carlaloc", "pybullet", "numpy", "scipy")
 """Distributions whose versions shape a drive."""
 
 

@@ -136,7 +136,7 @@ def find_break(config: BreakConfig, report: Callable[[Try], None] = lambda _: No
     try:
         import optuna
     except ImportError as error:
-        raise MissingDependencyError('Optuna is not installed; pip install "carlaloc-env[search]"') from error
+        raise MissingDependencyError('Optuna is not installed; pip install "carlaloc[search]"') from error
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     bench = _Bench(config, report)
     for start_s in config.starts_s:

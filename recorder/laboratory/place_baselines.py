@@ -97,7 +97,7 @@ def check_map_closures() -> None:
     """
     if find_spec("map_closures") is None:
         raise MissingDependencyError(
-            'map_closures is not installed; install it with: pip install "carlaloc-env[places]"'
+            'map_closures is not installed; install it with: pip install "carlaloc[places]"'
         )
 
 

@@ -98,7 +98,7 @@ def write_minari(
     try:
         from minari.dataset.minari_storage import MinariStorage
     except ImportError as error:
-        raise ConfigError("Minari is missing; pip install 'carlaloc-env[minari]'") from error
+        raise ConfigError("Minari is missing; pip install 'carlaloc[minari]'") from error
     if config.out.exists():
         raise OutputError(f"{config.out} exists; give another name or a new version")
     drives = [Episode.load(path) for path in config.episodes]
@@ -271,5 +271,5 @@ def _metadata(config: MinariConfig, drives: Sequence[Episode]) -> dict[str, Any]
         "algorithm_name": f"driver: {', '.join(devices)}",
         "description": f"{len(drives)} recorded drives of CarlaLoc {carlaloc_env.__version__}, "
         f"rig {config.rig}, weather {config.weather}, one action in {50 * config.frame_skip} ms",
-        "requirements": [f"carlaloc-env=={carlaloc_env.__version__}"],
+        "requirements": [f"carlaloc=={carlaloc_env.__version__}"],
     }

@@ -62,7 +62,7 @@ def check_packages() -> None:
     """
     missing = [name for name in ("mlcroissant", "pyarrow") if find_spec(name) is None]
     if missing:
-        raise ConfigError(f"--hub needs {' and '.join(missing)}; pip install 'carlaloc-env[hub]'")
+        raise ConfigError(f"--hub needs {' and '.join(missing)}; pip install 'carlaloc[hub]'")
 
 
 def _lay_out(dataset: Path, folder: Path, folder_files: int) -> None:

@@ -129,9 +129,7 @@ class DaskCluster:
         try:
             from distributed import Client, KilledWorker
         except ImportError as error:
-            raise ConfigError(
-                f"a cluster needs Dask ({error}); pip install 'carlaloc-env[cluster]'"
-            ) from error
+            raise ConfigError(f"a cluster needs Dask ({error}); pip install 'carlaloc[cluster]'") from error
         self.deaths: tuple[type[Exception], ...] = (KilledWorker,)
         try:
             self._client = Client(address, timeout="10s", set_as_default=False)

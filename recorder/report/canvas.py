@@ -24,7 +24,7 @@ def new_figure(width_in: float, height_in: float) -> Any:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise MissingDependencyError(
-            'plots need matplotlib; install it with: pip install "carlaloc-env[report]"'
+            'plots need matplotlib; install it with: pip install "carlaloc[report]"'
         ) from error
     # Without pyplot, which keeps figures in a global list and may look for a display.
     figure = Figure(figsize=(width_in, height_in), layout="constrained")

@@ -24,8 +24,10 @@ from recorder.evaluation.trajectory import Trajectory
 StampedPose: TypeAlias = tuple[int, Array]
 """Stamp of the input that a pose belongs to [ns], and the pose (4, 4), system's frame to its world."""
 
-START, MIDDLE, END = 0.0, 0.5, 1.0
+START, MIDDLE = 0.0, 0.5
 """Instants within a sweep, as a share of its length after the first point."""
+END = 1.0
+"""The instant of a sweep's last point, as such a share."""
 
 
 @dataclass(slots=True)
@@ -135,7 +137,7 @@ class System:
         """Missing library or file, and the next step; empty: nothing is missing."""
         if self.library is not None and not self._installed_version:
             where = f" for {os.environ[self.python]}" if self.python and os.environ.get(self.python) else ""
-            return f'{self.title} is not installed{where}; pip install "carlaloc-env[{self.extra}]"'
+            return f'{self.title} is not installed{where}; pip install "carlaloc[{self.extra}]"'
         if self.file and not Path(os.environ.get(self.file, "")).is_file():
             return f"{self.title} needs a file that {self.file} names; {self.file_hint}"
         return ""

@@ -94,7 +94,7 @@ def import_rerun() -> ModuleType:
         import rerun
         import rerun.blueprint
     except ImportError as error:
-        raise MissingDependencyError('rerun is not installed; pip install "carlaloc-env[view]"') from error
+        raise MissingDependencyError('rerun is not installed; pip install "carlaloc[view]"') from error
     library: ModuleType = rerun
     return library
 

@@ -199,5 +199,5 @@ def test_what_is_no_raster_gives_one_line(tmp_path: Path) -> None:
 
 def test_without_rasterio_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rasterio", None)
-    with pytest.raises(CarlaLocError, match=r"pip install 'carlaloc-env\[heights\]'"):
+    with pytest.raises(CarlaLocError, match=r"pip install 'carlaloc\[heights\]'"):
         import_town(village().write(tmp_path / "a.osm"), heights=tmp_path / "a.tif")

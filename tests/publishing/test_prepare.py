@@ -114,5 +114,5 @@ def test_missing_packages_are_named_before_the_work(
     monkeypatch.setattr(prepare, "find_spec", lambda name: None)
     words = ["dataset", "--out", str(tmp_path / "data"), "--hub", str(tmp_path / "hub")]
     assert main([*words, "--sample", "1", "--yes"]) == 1
-    assert "--hub needs mlcroissant and pyarrow; pip install 'carlaloc-env[hub]'" in capsys.readouterr().err
+    assert "--hub needs mlcroissant and pyarrow; pip install 'carlaloc[hub]'" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -49,5 +49,5 @@ def test_nothing_to_draw_is_a_named_error(tmp_path: Path) -> None:
 
 def test_missing_matplotlib_names_the_install_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(MissingDependencyError, match=r'pip install "carlaloc-env\[report\]"'):
+    with pytest.raises(MissingDependencyError, match=r'pip install "carlaloc\[report\]"'):
         plot_trajectories([result(1.0)], tmp_path / "a.png")

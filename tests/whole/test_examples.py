@@ -400,5 +400,5 @@ def test_an_example_without_its_library_names_the_extra(name: str, extra: str) -
     code = f"{lacking}; sys.path.insert(0, '.'); runpy.run_path('{name}.py', run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", code], cwd=EXAMPLES, capture_output=True, text=True)
     (line,) = done.stderr.splitlines()
-    assert line.endswith(f"pip install 'carlaloc-env[{extra}]'")
+    assert line.endswith(f"pip install 'carlaloc[{extra}]'")
     assert done.returncode == 1

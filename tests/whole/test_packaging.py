@@ -6,10 +6,12 @@ import subprocess
 import sys
 import venv
 import zipfile
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
 from shared_fixtures.processes.checkout import copy_of_checkout, run_pip
+from shared_fixtures.processes.notebooks import TUTORIALS, run_notebook
 
 ROOT = Path(__file__).parents[2]
 MAPS = [
@@ -46,7 +48,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tools = {"PYTHONPATH": str(folder / "tools")}
     done = run_pip(*words, str(folder / made.stdout.split()[-1]), environment=tools)
     assert done.returncode == 0, done.stderr
-    (built,) = folder.glob("carlaloc_env-*.whl")
+    (built,) = folder.glob("carlaloc-*.whl")
     return built
 
 
@@ -65,6 +67,15 @@ def test_the_wheel_holds_code_and_data(wheel: Path) -> None:
     assert "carlaloc_env/maps/Town03/town.xodr" in names
     assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {"carlaloc_env", "recorder"}
     assert wheel.stat().st_size < 60e6
+
+
+def test_the_wheel_has_the_name_of_its_command(wheel: Path) -> None:
+    """So `pip install carlaloc` brings `carlaloc`, and `uvx carlaloc` starts it."""
+    (built,) = distributions(path=[str(wheel)])
+    (command,) = built.entry_points.select(group="console_scripts")
+    assert (built.metadata["Name"], command.name, command.value) == (
+        "carlaloc", "carlaloc", "recorder.cli.main:main"
+    )  # fmt: skip
 
 
 def test_an_installed_wheel_finds_its_town(wheel: Path, tmp_path: Path) -> None:
@@ -136,7 +147,7 @@ def test_a_wheel_alone_shows_the_demo(wheel: Path, tmp_path: Path) -> None:
     assert shown.returncode == 0, shown.stderr
     result = json.loads(shown.stdout)
     assert list(result["ape_m"]) == ["stereo-vo, ClearNoon", "stereo-vo, RainyNight"]
-    assert "carlaloc-env[slam,report]" in result["missing"]
+    assert "carlaloc[slam,report]" in result["missing"]
     assert {path.name for path in (tmp_path / "home" / "carlaloc-demo").iterdir()} == {
         "index.html", "look.jpg", "scene.html", "data", "benchmark"
     }  # fmt: skip
@@ -145,4 +156,21 @@ def test_a_wheel_alone_shows_the_demo(wheel: Path, tmp_path: Path) -> None:
         (("odometry", "none.bag", "--out", "e.tum"), "slam"),
         (("view", "carlaloc-demo/data/Town03/ClearNoon_static", "--out", "look.rrd"), "view"),
     ):
-        assert f"carlaloc-env[{extra}]" in carlaloc(*words).stderr, words
+        assert f"carlaloc[{extra}]" in carlaloc(*words).stderr, words
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(3600)
+def test_a_notebook_installs_the_wheel(wheel: Path, tmp_path: Path) -> None:
+    """In an environment with a kernel alone, as of a hosted service; the next one finds it installed."""
+    venv.create(tmp_path / "venv", with_pip=True)
+    python = str(tmp_path / "venv" / "bin" / "python")
+    done = run_pip("install", "nbclient", "ipykernel", python=python)
+    assert done.returncode == 0, done.stderr
+    by_name = {tutorial.stem: tutorial for tutorial in TUTORIALS}
+    run_notebook(by_name["slam"], tmp_path, python, CARLALOC_SOURCE=str(wheel))
+    first, *_ = run_notebook(by_name["learning"], tmp_path, python, CARLALOC_SOURCE="/nowhere")
+    assert first.outputs == []
+    code = "import carlaloc_env, importlib.metadata as m; print(m.version('carlaloc'), carlaloc_env.__file__)"
+    found = subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert found.split()[1].startswith(str(tmp_path / "venv")), found

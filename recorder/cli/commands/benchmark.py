@@ -160,7 +160,7 @@ def check_tools() -> None:
     missing = [name for name in ("matplotlib", "pandas") if find_spec(name) is None]
     if missing:
         raise MissingDependencyError(
-            f'the report needs {", ".join(missing)}; install it with: pip install "carlaloc-env[report]"'
+            f'the report needs {", ".join(missing)}; install it with: pip install "carlaloc[report]"'
         )
 
 

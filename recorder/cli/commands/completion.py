@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         MissingDependencyError: shtab is not installed.
     """
     if find_spec("shtab") is None:
-        raise MissingDependencyError('shtab is not installed; pip install "carlaloc-env[completion]"')
+        raise MissingDependencyError('shtab is not installed; pip install "carlaloc[completion]"')
     import shtab
 
     from recorder.cli.main import make_parser

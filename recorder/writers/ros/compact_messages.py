@@ -133,7 +133,7 @@ def draco() -> Any:
         import DracoPy
     except ImportError as error:
         raise WriterError(
-            f"the topics 'compact' need DracoPy ({error}); pip install 'carlaloc-env[compact]'"
+            f"the topics 'compact' need DracoPy ({error}); pip install 'carlaloc[compact]'"
         ) from error
     return DracoPy
 

@@ -182,7 +182,7 @@ def test_without_draco_the_way_to_it_is_told(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setitem(__import__("sys").modules, "DracoPy", None)
     compact_messages.draco.cache_clear()
     try:
-        with pytest.raises(WriterError, match=r"pip install 'carlaloc-env\[compact\]'"):
+        with pytest.raises(WriterError, match=r"pip install 'carlaloc\[compact\]'"):
             Ros1Encoder(RIG, profile="compact").encode(cloud(0))
     finally:
         compact_messages.draco.cache_clear()
