@@ -81,8 +81,15 @@ def main(drive: Path, begin_s: float | None, quality: str, out: Path = FILM) -> 
     small = [picture.resize(size, Picture.Resampling.LANCZOS) for picture in pictures]
     milliseconds = EVERY_STEPS * STEP_NS // 1_000_000
     for percent in range(85, 20, -5):
-        options = {"quality": percent, "method": 6, "duration": milliseconds, "loop": 0}
-        small[0].save(out, save_all=True, append_images=small[1:], **options)
+        small[0].save(
+            out,
+            save_all=True,
+            append_images=small[1:],
+            quality=percent,
+            method=6,
+            duration=milliseconds,
+            loop=0,
+        )
         if out.stat().st_size <= LARGEST_BYTES:
             break
     return out

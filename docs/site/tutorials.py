@@ -41,7 +41,7 @@ def notebook_of(script: Path) -> str:
     sources = [("code", INSTALL)]
     for cell in cells_of(script):
         sources += [("code", cell.source)] if cell.cell_type == "code" else _of_text(cell.source)
-    made = {"code": nbformat.v4.new_code_cell, "markdown": nbformat.v4.new_markdown_cell}
+    made: dict[str, Any] = {"code": nbformat.v4.new_code_cell, "markdown": nbformat.v4.new_markdown_cell}
     # Cells without an id would get a random one.
     cells = [made[kind](source, id=f"cell-{place}") for place, (kind, source) in enumerate(sources)]
     kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
