@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from make_pictures import busiest_s
 from PIL import Image as Picture
 
 from carlaloc_env.core.array_types import U8
@@ -29,8 +28,8 @@ from recorder.report.mosaic import labelled_panel, lidar_image
 FILM = Path(__file__).parents[1] / "pictures" / "drive.webp"
 STATIC = {"clear noon": "ClearNoon", "fog": "FoggyNoon", "rain at night": "RainyNight"}
 """Weathers of the panels without movers, by label."""
-LENGTH_S, EVERY_STEPS = 6.0, 2
-"""Length of the film, and steps of the drive from frame to frame."""
+BEGIN_S, LENGTH_S, EVERY_STEPS = 17.0, 6.0, 2
+"""Where the demo's drive crosses among others [s], length of the film, steps of the drive from frame to frame."""
 LARGEST_BYTES = 5_000_000
 WIDTH_PX = 960
 
@@ -72,10 +71,9 @@ def frames(episode: Episode, begin_s: float, quality: str) -> Iterator[U8]:
     stage.close()
 
 
-def main(drive: Path, begin_s: float | None, quality: str, out: Path = FILM) -> Path:
+def main(drive: Path, begin_s: float, quality: str, out: Path = FILM) -> Path:
     """Film it, as good as 5 MB allow."""
     episode = Episode.load(drive)
-    begin_s = busiest_s(episode) - 0.5 * LENGTH_S if begin_s is None else begin_s
     pictures = [Picture.fromarray(frame) for frame in frames(episode, begin_s, quality)]
     size = WIDTH_PX, round(WIDTH_PX * pictures[0].height / pictures[0].width)
     small = [picture.resize(size, Picture.Resampling.LANCZOS) for picture in pictures]
@@ -102,7 +100,7 @@ if __name__ == "__main__":
     parser.add_argument(
         "episode", type=Path, nargs="?", default=DEMO_DRIVE, help="else that of the demo (.mcap)"
     )
-    parser.add_argument("--begin", type=float, help="first instant [s]; else before the busiest")
+    parser.add_argument("--begin", type=float, default=BEGIN_S, help="first instant [s]")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     arguments = parser.parse_args()
     main(arguments.episode, arguments.begin, arguments.quality)
