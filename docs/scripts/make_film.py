@@ -29,7 +29,7 @@ FILM = Path(__file__).parents[1] / "pictures" / "drive.webp"
 STATIC = {"clear noon": "ClearNoon", "fog": "FoggyNoon", "rain at night": "RainyNight"}
 """Weathers of the panels without movers, by label."""
 BEGIN_S, LENGTH_S, EVERY_STEPS = 17.0, 6.0, 2
-"""Where the demo's drive crosses among others [s], length of the film, steps of the drive from frame to frame."""
+"""Where the demo's drive crosses among others [s], length [s], steps of the drive from frame to frame."""
 LARGEST_BYTES = 5_000_000
 WIDTH_PX = 960
 
