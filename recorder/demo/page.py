@@ -37,8 +37,8 @@ depth, semantic classes, and the LiDAR from above, with points on vehicles and w
 """
 _LIMITS = """<ul>
 <li>The masks are of true labels, perfect to the pixel: an upper bound of what a detector can give.
-They hide parked cars, too, which mislead a little even where nothing moves: masked there, the error falls from
-0.14 to 0.10 m. So masked can be less than where nothing moves.</li>
+They hide parked cars, too, which mislead a little even where nothing moves: masked there, the error falls
+from 0.14 to 0.10 m. So masked can be less than where nothing moves.</li>
 <li>The place was chosen for the effect: the car waits at a light, and most of what its cameras track passes
 close by. <code>carlaloc benchmark</code> answers for your system and your place.</li>
 <li>It is not so everywhere: in five other towns traffic has factors of 0.3 to 1.5, and ORB-SLAM3 was not
