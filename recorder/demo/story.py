@@ -10,7 +10,6 @@ import cv2
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.core.files.atomic_files import atomic_write
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.presets import weather_by_name
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
@@ -164,15 +163,11 @@ def draw_story(
     from recorder.report.condition_plot import plot_conditions
     from recorder.report.lane_lines import lane_lines_of
 
-    header = open_episode(DEMO_DRIVE).header
-    walkers = int((header.catalog.tag == Tag.PEDESTRIAN).sum())
+    town = open_episode(DEMO_DRIVE).header.map_name
     length_m = read_tum(truth / "base_link.tum").length_m
-    title = (
-        f"The same {length_m:.0f} m through {header.map_name}: alone, and among "
-        f"{len(header.catalog.tag) - walkers} vehicles and {walkers} walkers"
-    )
+    title = f"The same {length_m:.0f} m through {town}, where nothing moves and among traffic"
     errors = {f"{answer.title}, {answer.weather}": answer.errors for answer in answers}
-    plot = plot_conditions(errors, config.out / "story.png", lane_lines_of(header.map_name), title)
+    plot = plot_conditions(errors, config.out / "story.png", lane_lines_of(town), title)
     return [plot, write_page(result)]
 
 
