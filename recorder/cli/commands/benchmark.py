@@ -76,6 +76,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the systems."""
     check_tools()
+    import pandas as pd
+
+    from recorder.benchmark.headline import headline
     from recorder.benchmark.page import write_benchmark_report
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
     from recorder.benchmark.windows import hurt_windows, window_tables
@@ -99,13 +102,15 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         raise EvaluationError(f"every run failed, {len(failures)} in all; {failures[0]}")
     limit_m = arguments.fail_above
     above = [s for s in result.scores if limit_m is not None and (s.failed is not None or s.ape_m > limit_m)]
+    scores = [asdict(score) for score in result.scores]
     return {
         "out": str(out),
+        "headline": headline(pd.DataFrame(scores))[0],
         "files": [str(path) for path in files],
         "runs": len(result.scores),
         "reused": result.reused,
         "windows": None if windows is None else windows.to_dict("records"),
-        "scores": [asdict(score) for score in result.scores],
+        "scores": scores,
         "failures": failures,
         "above": [
             f"{s.title} {s.town} {s.weather} {s.traffic}: {s.failed or f'APE {s.ape_m:.3f} m'}" for s in above
@@ -168,12 +173,11 @@ def show(result: dict[str, Any]) -> None:
     """Print the result in a sentence, the tables of errors and cost, and a line for each failed run."""
     import pandas as pd
 
-    from recorder.benchmark.headline import headline
     from recorder.benchmark.tables import all_tables
     from recorder.benchmark.windows import window_tables
 
     runs = pd.DataFrame(result["scores"])
-    print(headline(runs)[0] + "\n")
+    print(result["headline"] + "\n")
     if result["windows"] == []:
         print("no window in which an error clearly grows; it needs two conditions, and longer drives\n")
     for title, table in [*window_tables(pd.DataFrame(result["windows"])), *all_tables(runs)]:
