@@ -9,7 +9,7 @@ import tokenize
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-BUDGETS = {"carlaloc_env + recorder": 62_900, "tests": 33_500}
+BUDGETS = {"carlaloc_env + recorder": 63_400, "tests": 34_000}
 LAYOUT = {getattr(tokenize, name) for name in ("COMMENT", "NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER")}
 
 

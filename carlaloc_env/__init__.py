@@ -27,6 +27,8 @@ def register_environments() -> None:
     for town in (*TOWNS, "Town10HD"):
         register(id=f"CarlaLoc-{town}-v0", entry_point=entry_point, kwargs={"map": town})
     register(id="CarlaLoc-AnyTown-v0", entry_point="carlaloc_env.envs.any_town_env:AnyTownEnv")
+    # By its name alone: drives are read by `recorder`, which is above this package.
+    register(id="CarlaLoc-Replay-v0", entry_point="recorder.episode_env.replay_env:ReplayEnv")
 
 
 register_environments()

@@ -24,6 +24,7 @@ from recorder.drive.change_traffic import change_traffic as change_traffic
 from recorder.drive.record import RecordConfig as RecordConfig
 from recorder.drive.record import RecordResult as RecordResult
 from recorder.drive.record import record as record
+from recorder.drive.record_agent import RecordDrive as RecordDrive
 from recorder.episode.episode import Episode as Episode
 from recorder.episode.episode import open_episode as open_episode
 from recorder.episode.episode_header import EpisodeHeader as EpisodeHeader

@@ -19,7 +19,7 @@ from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.contacts import Contact
-from carlaloc_env.physics.ego import EgoCar, EgoState
+from carlaloc_env.physics.ego import EgoCar, EgoState, EgoTick
 from carlaloc_env.physics.params import ride_by_name
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road.rough_surface import STANDARD_WAVINESS
@@ -43,7 +43,7 @@ class DriveListener(Protocol):
     def on_start(self, catalog: ActorCatalog) -> None:
         """A drive begins with these actors."""
 
-    def on_tick(self, tick: int, state: EgoState, controls: Controls) -> None:
+    def on_tick(self, tick: int, state: EgoTick, controls: Controls) -> None:
         """The ego's state at a tick, and the controls that led there."""
 
     def on_step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
@@ -75,7 +75,8 @@ class DrivingWorld:
             roughness=roughness,
         )
         self._ego = EgoCar(self._physics, chosen.vehicle)
-        self._listener: DriveListener | None = None
+        self.listener: DriveListener | None = None
+        """Called at every tick and step."""
         self._state: EgoState | None = None
 
     def reset(
@@ -104,7 +105,7 @@ class DrivingWorld:
         if seed is not None:
             self.traffic_config = replace(self.traffic_config, seed=seed)
         self.route = route if route is not None else self.route
-        self._listener = listener
+        self.listener = listener
         start = self.route.at(0.0)
         self._ego.reset(start.position_m[0], float(start.heading_rad[0]))
         self._traffic = TrafficWorld(self.town.network, self.traffic_config, self._tables)
@@ -118,8 +119,7 @@ class DrivingWorld:
         self._tick = 0
         self._step = 0
         self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
-        self._ego.follow(self.timeline.ego, self.timeline.car, _PARKED)
-        self._notify_tick(_PARKED)
+        self._follow(_PARKED)
         self._add_step(first)
         self._add_step(self._traffic.step(self._ego_view()))
         self.tick(_PARKED)
@@ -167,12 +167,11 @@ class DrivingWorld:
         self._tick += 1
         self._state = None
         self._speeds.append(self._ego.speed_mps)
-        self._ego.follow(self.timeline.ego, self.timeline.car, controls)
-        self._notify_tick(controls)
+        self._follow(controls)
         contacts = self._physics.contacts()
-        if self._listener is not None:
+        if self.listener is not None:
             for contact in contacts:
-                self._listener.on_contact(self._tick, contact)
+                self.listener.on_contact(self._tick, contact)
         if (self._tick - 1) % STEP_TICKS == 0 and self._tick > 1:
             self._add_step(self._traffic.step(self._ego_view()))
             self._road.follow(self.state.position_m)
@@ -218,13 +217,14 @@ class DrivingWorld:
     def _add_step(self, frame: ActorFrame) -> None:
         frame, signals = on_grid(frame), self._traffic.signals(self._step * STEP_NS)
         self.timeline.append_step(frame, signals)
-        if self._listener is not None:
-            self._listener.on_step(self._step, frame, signals)
+        if self.listener is not None:
+            self.listener.on_step(self._step, frame, signals)
         self._step += 1
 
-    def _notify_tick(self, controls: Controls) -> None:
-        if self._listener is not None:
-            self._listener.on_tick(self._tick, self.state, controls)
+    def _follow(self, controls: Controls) -> None:
+        state = self._ego.follow(self.timeline.ego, self.timeline.car, controls)
+        if self.listener is not None:
+            self.listener.on_tick(self._tick, state, controls)
 
     def _ego_view(self) -> EgoView:
         return ego_view(self.state.position_m, self.state.heading_rad, self.state.speed_mps)

@@ -83,6 +83,7 @@ class AnyTownEnv(BaseEnv):
         self._now.check_drawing()
         drawn = self._draw(options or {})
         self._now = self._town(str(drawn.pop("town")))
+        self._now.listener = self.listener
         return self._now.reset(seed=int(self.np_random.integers(2**31)), options=drawn)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -99,6 +100,11 @@ class AnyTownEnv(BaseEnv):
         for env in self._towns.values():
             env.close()
         self._towns.clear()
+
+    @property
+    def now(self) -> CarlaLocEnv:
+        """Environment of the town of this episode."""
+        return self._now
 
     def _draw(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Drawn values, replaced by given ones."""

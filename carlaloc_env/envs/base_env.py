@@ -1,5 +1,6 @@
 """Base of all environments: a specification that fits JSON, seeds, and an end."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import is_dataclass, replace
 from numbers import Integral
@@ -13,6 +14,7 @@ from gymnasium.utils import EzPickle
 
 from carlaloc_env.core.errors import ClosedError, ConfigError
 from carlaloc_env.core.files.config_files import to_mapping
+from carlaloc_env.driving.driving_world import DriveListener
 
 
 class BaseEnv(gymnasium.Env[Any, Any], EzPickle):
@@ -21,6 +23,8 @@ class BaseEnv(gymnasium.Env[Any, Any], EzPickle):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 20}  # noqa: RUF012
     _spec: EnvSpec | None = None
     _closed = False
+    listener: DriveListener | None = None
+    """Listener to drives from the next reset on, such as the recorder of an episode."""
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]
@@ -47,6 +51,12 @@ class BaseEnv(gymnasium.Env[Any, Any], EzPickle):
     def _check_open(self, call: str) -> None:
         if self._closed:
             raise ClosedError(f"{call} after close; make a new environment with gymnasium.make()")
+
+
+def text_of(value: Any) -> str:
+    """An option as text, with JSON for data: Gymnasium's vectors join values of one type alone."""
+    data = plain(value)
+    return data if isinstance(data, str) else json.dumps(data, default=str)
 
 
 def plain(value: Any) -> Any:

@@ -1,7 +1,7 @@
 """Window that shows pictures as they come, for `render_mode` human, and the driver's view in it."""
 
 import os
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,24 @@ from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
-from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.snapshot import Snapshot
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather
 
 _T_BASE_SEAT = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.03, 0.0)) @ R_FLU_OPTICAL, (1.8, 0.0, 1.65))
+
+
+class SeenWorld(Protocol):
+    """A drive at an instant."""
+
+    @property
+    def timeline(self) -> Timeline:
+        """Ego, others and lights over time."""
+
+    @property
+    def now_ns(self) -> int:
+        """Present time [ns]."""
 
 
 class HumanWindow:
@@ -57,7 +69,7 @@ class HumanWindow:
         self._pygame.display.quit()
 
 
-def view_from_seat(stage: SensorStage, world: DrivingWorld, weather: Weather) -> NDArray[np.uint8]:
+def view_from_seat(stage: SensorStage, world: SeenWorld, weather: Weather) -> NDArray[np.uint8]:
     """A picture from the driver's seat now, sRGB, shape (360, 640, 3).
 
     Raises:

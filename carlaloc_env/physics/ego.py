@@ -40,6 +40,18 @@ Twist = tuple[Vector3, Vector3]
 """Velocity of the centre of mass [m/s] and rate [rad/s], both in world axes; as PyBullet gives them."""
 
 
+class EgoTick(NamedTuple):
+    """State of the ego after a tick in plain numbers, named as in `EgoState`: cheap to make and to keep."""
+
+    position_m: Vector3
+    quat_xyzw: tuple[float, float, float, float]
+    velocity_world_mps: Vector3
+    omega_body_radps: Vector3
+    road_wheel_rad: float
+    speed_mps: float
+    wheel_spin_radps: list[float]
+
+
 class BaseMotion(NamedTuple):
     """Motion of `base_link`, named as in `EgoState`."""
 
@@ -241,10 +253,21 @@ class EgoCar:
         """Forward speed of `base_link` [m/s]."""
         return self._base.speed_mps
 
-    def follow(self, ego: EgoTrack, car: CarTrack, controls: Controls) -> None:
+    def follow(self, ego: EgoTrack, car: CarTrack, controls: Controls) -> EgoTick:
         """Append the state after the last tick, and the controls that led there, to its tracks."""
-        ego.append(self._base.position_m, self._pose[1])
-        car.append(self._wheels["spin_radps"].tolist(), self._drive["steer_rad"].item(), controls)
+        base, road_wheel_rad = self._base, self._drive["steer_rad"].item()
+        spin_radps = self._wheels["spin_radps"].tolist()
+        ego.append(base.position_m, self._pose[1])
+        car.append(spin_radps, road_wheel_rad, controls)
+        return EgoTick(
+            base.position_m,
+            self._pose[1],
+            base.velocity_world_mps,
+            base.omega_body_radps,
+            road_wheel_rad,
+            base.speed_mps,
+            spin_radps,
+        )
 
     def state(self) -> EgoState:
         """State after the last tick."""

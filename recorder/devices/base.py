@@ -15,6 +15,14 @@ if TYPE_CHECKING:
     from carlaloc_env.driving.driver_view import DriverView
 
 
+HUMAN = ("wheel", "gamepad", "keyboard")
+"""Devices that a person holds."""
+DEVICES = ("scripted", "hand", *HUMAN)
+"""Names of all devices."""
+POLICY_SUFFIX = ".py"
+"""Suffix of files that drive (`recorder.devices.policy`)."""
+
+
 class Device(Protocol):
     """An input device: steering wheel, gamepad, keyboard or the scripted driver."""
 
@@ -33,10 +41,14 @@ class Device(Protocol):
         """Let the device go; may be called twice."""
 
 
-HUMAN = ("wheel", "gamepad", "keyboard")
-"""Devices that a person holds."""
-DEVICES = ("scripted", "hand", *HUMAN)
-"""Names of all devices."""
+def check_device(name: str) -> None:
+    """Refuse a name that is neither a device's nor that of a file that drives.
+
+    Raises:
+        DeviceError: it is none.
+    """
+    if name not in DEVICES and not name.endswith(POLICY_SUFFIX):
+        raise DeviceError(unknown_name("device", name, DEVICES) + ", or a .py file that drives")
 
 
 def wants_window(device: str, window: bool | None) -> bool:

@@ -2,11 +2,12 @@
 
 import logging
 import os
+from pathlib import Path
 
-from carlaloc_env.core.errors import DeviceError, unknown_name
-from recorder.devices.base import DEVICES, HUMAN, Device, wants_window
+from recorder.devices.base import HUMAN, POLICY_SUFFIX, Device, check_device, wants_window
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
+from recorder.devices.policy import PolicyDriver
 from recorder.devices.profile import known_profiles
 from recorder.devices.scripted.driver import ScriptedDriver
 from recorder.devices.scripted.hand import ScriptedHand
@@ -18,7 +19,7 @@ def open_device(name: str, seed: int, *, window: bool = False, preferred: str | 
     """Device of a name.
 
     Args:
-        name: Its name, e.g. ``scripted``.
+        name: Its name, e.g. ``scripted``, or a ``.py`` file that drives.
         seed: Seed for devices that are driven by the program.
         window: Whether a window shows the drive; no person drives without.
         preferred: USB id of the wheel or pad that steers, where several could.
@@ -28,8 +29,9 @@ def open_device(name: str, seed: int, *, window: bool = False, preferred: str | 
         ConfigError: a profile of the user's is not valid.
         MissingDependencyError: pygame is not installed.
     """
-    if name not in DEVICES:
-        raise DeviceError(unknown_name("device", name, DEVICES))
+    check_device(name)
+    if name.endswith(POLICY_SUFFIX):
+        return PolicyDriver(Path(name))
     if name == "scripted":
         return ScriptedDriver(seed)
     wants_window(name, window)

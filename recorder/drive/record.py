@@ -1,38 +1,38 @@
 """Record a drive: a device drives the ego through a living town, every tick is written to the episode."""
 
 import math
-import platform
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
-from datetime import datetime, timezone
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
+from carlaloc_env.core import clock
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.ego import DEFAULT_RIDE
-from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
+from carlaloc_env.core.errors import ConfigError, DeviceError
 from carlaloc_env.core.files.config_files import set_paths
-from carlaloc_env.core.files.library_versions import library_version
 from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
 from carlaloc_env.core.freed_memory import give_back_freed_memory
 from carlaloc_env.driving.driving_world import DrivingWorld
+from carlaloc_env.envs.task.episode_start import EpisodeStart, route_of
 from carlaloc_env.physics.params import ride_by_name
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.actors import ActorCatalog
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town, without_movables
 from carlaloc_env.traffic.traffic_config import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
-from recorder.devices.base import DEVICES, HUMAN, Device
+from recorder.devices.base import HUMAN, Device, check_device
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
 from recorder.devices.keys import KeyPanel
+from recorder.devices.policy import PolicyDriver
 from recorder.devices.registry import open_device
+from recorder.drive.drive_header import drive_header
 from recorder.drive.session import DriveSession
 from recorder.episode.ego_messages import VIOLATIONS
 from recorder.episode.episode import Episode
-from recorder.episode.episode_header import EpisodeHeader
 from recorder.episode.summary import driven_distance_m
 from recorder.episode.writer import EpisodeWriter
 from recorder.window.cockpit import WindowCockpit
@@ -43,8 +43,6 @@ Progress = Callable[[float, float], None]
 
 PATIENCE_S = 300.0
 """A drive without a duration ends after so long without progress [s]; others wait 150 s at most."""
-VERSIONED = ("carlaloc", "pybullet", "numpy", "scipy")
-"""Distributions whose versions shape a drive."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +54,7 @@ class RecordConfig:
     out: Path = Path("drive.mcap")
     """Episode to write."""
     device: str = "scripted"
-    """Input device."""
+    """Input device, or a ``.py`` file that drives (`recorder.devices.policy`)."""
     duration_s: float | None = None
     """Length of the drive [s]; None: until the route has been driven once."""
     seed: int = 0
@@ -65,6 +63,10 @@ class RecordConfig:
     """Level of the town's traffic: ``dynamic``, ``static``, ``empty`` or a fraction."""
     ride: str = DEFAULT_RIDE
     """How the body answers to the road: ``standard``, or ``real`` as measured on cars."""
+    route: str | tuple[tuple[float, float], ...] = "town"
+    """``town``, ``random`` (by the seed), or points (x, y) near lanes that it leads through [m]."""
+    start: str | float = 0.0
+    """Share of the route that is left out before the car [0 to below 1]; ``anywhere``: by the seed."""
     overwrite: bool = False
     """Whether an older episode of this name is replaced."""
     window: bool | None = None
@@ -74,8 +76,8 @@ class RecordConfig:
 
     def __post_init__(self) -> None:
         set_paths(self, "out")
-        if self.device not in DEVICES:
-            raise DeviceError(unknown_name("device", self.device, DEVICES))
+        check_device(self.device)
+        EpisodeStart.of({"route": self.route, "start": self.start})
         ride_by_name(self.ride)
         if self.duration_s is not None and not 0.0 < self.duration_s <= 86400.0:
             raise ConfigError(f"duration {self.duration_s:g} s; give more than 0 and at most 86400 s")
@@ -181,6 +183,13 @@ class _Drive:
             shown = None if show is None else pool.submit(show, town, weather)
             self.world = DrivingWorld(town, traffic, ride=config.ride)
             self._stack.callback(self.world.close)
+            start = EpisodeStart.of({"route": config.route, "start": config.start})
+            self._driven = route_of(start, town, clock.stream(config.seed, "drive/route"))
+            self.world.route = self._driven.route
+            if isinstance(self._driver, PolicyDriver):
+                stage = SensorStage(self.world.town, seed=config.seed, weather=weather)
+                self._stack.callback(stage.close)
+                self._driver.sit_in(self.world, stage)
             if shown is not None:
                 shown.result()
         self.session = DriveSession(
@@ -252,8 +261,12 @@ class _Drive:
         return None if stopped or not self.session.is_driven else speed
 
     def _begin(self, catalog: ActorCatalog) -> EpisodeWriter:
-        config = self._config
-        header = episode_header(config, self.world.town, self.world, self._driver.name, catalog)
+        config, driver = self._config, self._driver
+        header = drive_header(
+            self.world, self._driven, catalog, device=driver.name,
+            action=driver.action if isinstance(driver, PolicyDriver) else "",
+            extra={} if config.ride == DEFAULT_RIDE else {"ride": config.ride},
+        )  # fmt: skip
         return EpisodeWriter(config.out, header, overwrite=config.overwrite)
 
 
@@ -272,32 +285,3 @@ def _arrived(world: DrivingWorld) -> bool:
         return left_m <= 0.0
     # A car beyond the end is projected on it, to the last bits.
     return left_m < 0.01 or (left_m <= _AT_THE_END_M and world.state.speed_mps < _STANDS_MPS)
-
-
-def episode_header(
-    config: RecordConfig, town: Town, world: DrivingWorld, device: str, catalog: ActorCatalog
-) -> EpisodeHeader:
-    """Header of an episode: everything that rebuilds the drive's world."""
-    versions = {name: library_version(name) for name in VERSIONED}
-    return EpisodeHeader(
-        map_name=town.name,
-        town_hash=town.town_hash,
-        seed=config.seed,
-        catalog=catalog,
-        route={
-            "length_m": world.route.length_m,
-            "closed": world.route.closed,
-            "table_length_m": town.config.route.length_m if town.config.route is not None else None,
-        },
-        traffic=_plain(asdict(world.traffic_config)),
-        device=device,
-        versions={**versions, "python": platform.python_version()},
-        created_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        extra={} if config.ride == DEFAULT_RIDE else {"ride": config.ride},
-    )
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    return value if isinstance(value, (int, float, str, bool, list)) or value is None else str(value)

@@ -48,20 +48,23 @@ def _lengths(actors: int, signals: int) -> dict[str, int]:
     return {**lengths, "signals": signals}
 
 
-def pack_actors(step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> bytes:
-    """Bytes of an `ActorFrame` message."""
-    codes = encode_actors(frame)
-    row = ACTORS.row(_lengths(len(frame), len(signals)))
-    row["step"] = step
+def pack_actors(
+    first_step: int, frames: Sequence[ActorFrame], signals: Sequence[NDArray[np.uint8]]
+) -> NDArray[np.void]:
+    """`ActorFrame` messages of consecutive steps, shape (K,), together: a field costs as much as for one."""
+    whole = {name: np.stack([getattr(frame, name) for frame in frames]) for name in ActorFrame.__slots__}
+    codes = encode_actors(ActorFrame(**whole))
+    rows = np.repeat(ACTORS.row(_lengths(len(frames[0]), len(signals[0]))), len(frames))
+    rows["step"] = np.arange(first_step, first_step + len(frames))
     for k, axis in enumerate(_AXES):
-        row[f"{axis}_tile"] = codes.position[:, k] >> 16
-        row[f"{axis}_fraction"] = codes.position[:, k] & 0xFFFF
-    row["travelled_tile"] = codes.travelled >> 16
-    row["travelled_fraction"] = codes.travelled & 0xFFFF
+        rows[f"{axis}_tile"] = codes.position[..., k] >> 16
+        rows[f"{axis}_fraction"] = codes.position[..., k] & 0xFFFF
+    rows["travelled_tile"] = codes.travelled >> 16
+    rows["travelled_fraction"] = codes.travelled & 0xFFFF
     for name in ("heading", "pitch", "roll", "steer", "speed", "lights"):
-        row[name] = getattr(codes, name)
-    row["signals"] = signals
-    return row.tobytes()
+        rows[name] = getattr(codes, name)
+    rows["signals"] = signals
+    return rows
 
 
 def unpack_actors(payloads: Sequence[bytes], actors: int) -> NDArray[np.void]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.clock import stamp_ns
 from carlaloc_env.core.ego import Controls
@@ -55,13 +57,12 @@ CONTROLS = ("steer", "throttle", "brake", "reverse", "handbrake")
 """Names of the controls; in `EGO` the device's own begin with ``raw_``."""
 _STATE = ("position_m", "quat_xyzw", "velocity_world_mps", "omega_body_radps", "road_wheel_rad", "speed_mps",
           "wheel_spin_radps")  # fmt: skip
-"""Names of the numbers beside them."""
+"""Names of the numbers beside them, in the order of `EgoRow`."""
 VIOLATIONS = ("red_light", "off_road", "wrong_way", "speeding", "off_route")
 """Kinds of violations; each is an event of an episode when it begins."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EgoRow:
+class EgoRow(NamedTuple):
     """State of the ego after one tick, and what its driver did."""
 
     position_m: ArrayLike
@@ -72,16 +73,16 @@ class EgoRow:
     """Velocity in world axes [m/s], shape (3,)."""
     omega_body_radps: ArrayLike = (0.0, 0.0, 0.0)
     """Body rate [rad/s], shape (3,)."""
-    controls: Controls = dataclasses.field(default_factory=Controls)
-    """Controls that the physics took."""
-    raw: Controls | None = None
-    """The device's axes before shaping; None: the same as `controls`."""
     road_wheel_rad: float = 0.0
     """Angle of the front wheels, left positive [rad]."""
     speed_mps: float = 0.0
     """Forward speed of `base_link` [m/s]."""
     wheel_spin_radps: ArrayLike = (0.0, 0.0, 0.0, 0.0)
     """Spin of the wheels: front left, front right, rear left, rear right [rad/s], shape (4,)."""
+    controls: Controls = Controls()
+    """Controls that the physics took."""
+    raw: Controls | None = None
+    """The device's axes before shaping; None: the same as `controls`."""
 
     @classmethod
     def of(cls, row: np.void) -> EgoRow:
@@ -108,16 +109,21 @@ class Event:
         return stamp_ns(self.tick)
 
 
-def pack_ego(tick: int, row: EgoRow) -> bytes:
-    """Bytes of an `EgoState` message."""
-    raw = row.raw if row.raw is not None else row.controls
-    out = EGO.row()
-    out["tick"] = tick
-    for name in _STATE:
-        out[name] = getattr(row, name)
+def pack_ego(first_tick: int, rows: Sequence[EgoRow]) -> NDArray[np.void]:
+    """`EgoState` messages of consecutive ticks, shape (K,), together: a field costs as much as for one."""
+    out = np.repeat(EGO.row(), len(rows))
+    out["tick"] = np.arange(first_tick, first_tick + len(rows))
+    *state, controls, raw = zip(*rows, strict=True)
+    for name, column in zip(_STATE, state, strict=True):
+        width = out[name].shape[1:]
+        # From one flat sequence numbers come twice as fast as from nested ones.
+        flat = np.fromiter(chain.from_iterable(column), np.float64) if width else np.array(column)
+        out[name] = flat.reshape(len(rows), *width)
+    raw = tuple(own if device is None else device for own, device in zip(controls, raw, strict=True))
     for name in CONTROLS:
-        out[name], out[f"raw_{name}"] = getattr(row.controls, name), getattr(raw, name)
-    return out.tobytes()
+        out[name] = [getattr(one, name) for one in controls]
+        out[f"raw_{name}"] = out[name] if raw == controls else [getattr(one, name) for one in raw]
+    return out
 
 
 def _controls(row: np.void, prefix: str) -> Controls:

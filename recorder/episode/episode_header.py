@@ -33,7 +33,11 @@ class EpisodeHeader:
     catalog: ActorCatalog = field(default_factory=empty_catalog)
     """The actors of the drive."""
     route: Mapping[str, Any] = field(default_factory=dict)
-    """The route driven: way points, length, loop."""
+    """The route driven, as of `DrivenRoute.to_mapping`; without points, the town's own."""
+    task: Mapping[str, float] = field(default_factory=dict)
+    """Settings of the task that an agent was judged by; empty: its defaults."""
+    action: str = ""
+    """Kind of the actions of an agent; empty: the device gave controls."""
     rig: Mapping[str, Any] | str = ""
     """Rig of the recording: its name or its whole configuration."""
     traffic: Mapping[str, Any] = field(default_factory=dict)

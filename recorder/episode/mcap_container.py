@@ -4,7 +4,7 @@ import _thread
 import os
 import struct
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -65,9 +65,18 @@ class ContainerWriter:
         """Append a message to the open chunk."""
         self._waiting.append((channel, stamp_ns, payload))
 
-    def close_chunk(self) -> None:
-        """Close the open chunk and put it on the disk."""
-        self._write(self._add_waiting, sync=self._durable)
+    def close_chunk(self, later: Callable[[], Iterable[tuple[int, int, bytes]]] = tuple) -> None:
+        """Close the open chunk and put it on the disk.
+
+        Args:
+            later: Further messages: channel, stamp [ns], bytes. It is called where no Ctrl-C comes.
+        """
+
+        def add() -> None:
+            self._waiting.extend(later())
+            self._add_waiting()
+
+        self._write(add, sync=self._durable)
 
     def finish(self) -> None:
         """Close the chunk, write the summary and close the file."""

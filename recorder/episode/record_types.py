@@ -132,6 +132,12 @@ class RecordType:
         return values
 
 
+def payloads_of(rows: NDArray[np.void]) -> list[bytes]:
+    """Bytes of each row of a `RecordType`'s layout."""
+    whole, size = rows.tobytes(), rows.dtype.itemsize
+    return [whole[begin : begin + size] for begin in range(0, len(whole), size)]
+
+
 def _field(line: str) -> Field:
     match = _FIELD.fullmatch(line)
     if match is None or (match["kind"] not in _CODES and (match["kind"] != "string" or match["array"])):

@@ -6,13 +6,15 @@ import json
 import time
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.clock import STEP_NS, stamp_ns
+from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, stamp_ns
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.atomic_files import part_path
 from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
@@ -21,7 +23,11 @@ from recorder.episode.actor_messages import ACTORS, pack_actors
 from recorder.episode.ego_messages import EGO, EVENT, EgoRow, pack_ego
 from recorder.episode.episode_header import HEADER_RECORD, EpisodeHeader
 from recorder.episode.mcap_container import ContainerWriter
+from recorder.episode.record_types import payloads_of
 
+T = TypeVar("T")
+Packed = tuple[int, int, bytes]
+"""Channel, stamp [ns] and bytes of a message."""
 FLUSH_NS = 900_000_000
 """Longest stretch of the drive, and of real time, that waits for the disk [ns]."""
 
@@ -63,6 +69,10 @@ class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
         self._part = (recording_path if keep_cut else part_path)(self.path)
         self._next_tick = self._next_step = 0
         self._signal_count: int | None = None
+        self._rows: list[EgoRow] = []
+        self._frames: list[tuple[ActorFrame, NDArray[np.uint8]]] = []
+        self._happened: list[Packed] = []
+        self._packed_ticks = self._packed_steps = 0
         self._flushed_ns = 0
         self._flushed_at_s = time.monotonic()
         check_episode_output(self.path, overwrite=overwrite)
@@ -95,8 +105,11 @@ class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
         """
         if tick != self._next_tick:
             raise EpisodeError(f"tick {tick} recorded where {self._next_tick} was due")
+        self._check_open()
         self._next_tick += 1
-        self._add(self._ego, stamp_ns(tick), pack_ego(tick, row))
+        self._rows.append(row)
+        if tick % STEP_TICKS == 0:
+            self._flush_in_time(stamp_ns(tick))
 
     def step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
         """Append the actors and signal heads of a 50 ms step; steps come without gaps, from 0.
@@ -113,13 +126,16 @@ class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
                 f"step {step} has {len(frame)} actors and {len(signals)} signal heads, "
                 f"not {len(self.header.catalog)} and {self._signal_count}"
             )
+        self._check_open()
         self._next_step += 1
-        self._add(self._actors, step * STEP_NS, pack_actors(step, frame, signals))
+        self._frames.append((frame, signals))
 
     def event(self, tick: int, kind: str, data: Mapping[str, object] | None = None) -> None:
         """Append something that happened; `data` holds JSON values."""
         text = json.dumps(dict(data or {}), ensure_ascii=False)
-        self._add(self._events, stamp_ns(tick), EVENT.pack({"tick": tick, "kind": kind, "json": text}))
+        self._check_open()
+        message = EVENT.pack({"tick": tick, "kind": kind, "json": text})
+        self._happened.append((self._events, stamp_ns(tick), message))
 
     def flush(self) -> None:
         """Put everything on the disk now, e.g. while the drive is paused.
@@ -128,7 +144,7 @@ class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
             EpisodeError: the disk is full.
         """
         try:
-            self._file.close_chunk()
+            self._file.close_chunk(self._messages)
         except OSError as error:
             self._open = False
             self._file.abandon()
@@ -171,11 +187,34 @@ class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
         if not self._keep_cut:
             self._part.unlink(missing_ok=True)
 
-    def _add(self, channel: int, stamp: int, payload: bytes) -> None:
+    def _check_open(self) -> None:
         if not self._open:
             raise EpisodeError(f"{self._part} is closed; nothing can be added to it")
-        self._file.add_message(channel, stamp, payload)
+
+    def _flush_in_time(self, stamp: int) -> None:
         waited_s = time.monotonic() - self._flushed_at_s
         if stamp - self._flushed_ns >= FLUSH_NS or waited_s * 1e9 >= FLUSH_NS:
             self._flushed_ns = stamp
             self.flush()
+
+    def _messages(self) -> list[Packed]:
+        """Messages that wait, in the order of time; ticks and steps are packed together."""
+        rows, frames, messages = _taken(self._rows), _taken(self._frames), _taken(self._happened)
+        if frames:
+            first = self._packed_steps
+            self._packed_steps += len(frames)
+            steps = enumerate(payloads_of(pack_actors(first, *zip(*frames, strict=True))), start=first)
+            messages += [(self._actors, step * STEP_NS, payload) for step, payload in steps]
+        if rows:
+            first = self._packed_ticks
+            self._packed_ticks += len(rows)
+            ticks = enumerate(payloads_of(pack_ego(first, rows)), start=first)
+            messages += [(self._ego, stamp_ns(tick), payload) for tick, payload in ticks]
+        return sorted(messages, key=itemgetter(1))
+
+
+def _taken(waiting: list[T]) -> list[T]:
+    """All items of a list, which is empty afterwards."""
+    taken = waiting[:]
+    del waiting[: len(taken)]
+    return taken

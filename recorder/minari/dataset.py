@@ -9,36 +9,28 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
 import carlaloc_env
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError, unknown_name
+from carlaloc_env.core.errors import ConfigError, OutputError, unknown_name
 from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.recordings import check_space
 from carlaloc_env.envs.base_env import plain
-from carlaloc_env.envs.task.actions import action_kind
-from carlaloc_env.envs.task.agent_views import AgentView, agent_view, rig_of
-from carlaloc_env.envs.task.referee import Referee
 from carlaloc_env.envs.task.task_config import TaskConfig
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.schedule import weather_of
-from recorder.episode.episode import ControlLog, Episode
-from recorder.episode.episode_town import town_of
-from recorder.minari.recorded_world import RecordedWorld
+from recorder.episode.episode import Episode
+from recorder.episode_env.replay_env import ACTION_KINDS, ReplayEnv
 
 if TYPE_CHECKING:
     from minari.data_collector import EpisodeBuffer
 
-ACTION_KINDS = ("continuous", "controls")
-"""Kinds of actions in which a drive can be expressed."""
 _CHUNK = 256
 """Actions that are kept in memory at a time."""
 _NAME = re.compile(r"[-_\w]+-v\d+")
@@ -64,8 +56,8 @@ class MinariConfig:
     """Effort per picture."""
     map: str | Path | None = None
     """Map of the drives, where they name none that is known."""
-    task: TaskConfig = field(default_factory=TaskConfig)
-    """Rewards, costs and ends."""
+    task: TaskConfig | None = None
+    """Rewards, costs and ends; None: those that each drive was judged by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,20 +101,25 @@ def write_minari(
     with atomic_write(config.out) as part:
         (part / "data").mkdir(parents=True)
         for number, drive in enumerate(drives):
-            with closing(_Drive(drive, config)) as converted:
+            with closing(_env_of(drive, config)) as env:
                 if storage is None:
-                    kinds = converted.view.space, converted.action_space, spec
+                    kinds = env.observation_space, env.action_space, spec
                     # Minari joins a relative folder to itself.
                     storage = MinariStorage.new((part / "data").resolve(), *kinds, jpeg_encoding=False)
                 count = 0
-                for chunk in converted.chunks(number):
+                for chunk in _chunks(env, number):
                     check_space(part, _bytes_of(chunk.observations))
                     storage.update_episodes([chunk])
                     count += len(chunk)
                     if progress is not None:
                         progress(done_s + count * config.frame_skip * STEP_NS * 1e-9, total_s)
             # Minari counts the steps of the last chunk alone.
-            named = {"options/town": towns[number]} if "towns" in spec.kwargs else {}
+            options: dict[str, Any] = {"town": towns[number]} if "towns" in spec.kwargs else {}
+            if points := drive.header.route.get("points_m"):
+                options["route"] = np.array(points)
+            if start := drive.header.route.get("start"):
+                options["start"] = start
+            named = {f"options/{name}": value for name, value in options.items()}
             storage.update_episode_metadata([{"total_steps": count, **named}], [number])
             steps, done_s = steps + count, done_s + drive.duration_s
         assert storage is not None
@@ -130,84 +127,38 @@ def write_minari(
     return MinariResult(path=config.out, episodes=len(drives), steps=steps)
 
 
-class _Drive:
-    """A drive as steps of an agent."""
-
-    def __init__(self, episode: Episode, config: MinariConfig) -> None:
-        self._episode, self._config = episode, config
-        self._world = RecordedWorld(episode, town_of(episode, config.map))
-        self._stage = SensorStage(
-            self._world.town,
-            seed=episode.header.seed,
-            weather=weather_of(config.weather),
-            quality=config.quality,
-        )
-        self.view: AgentView = agent_view(rig_of(config.rig, config.quality), self._world, self._stage)
-        self.action_space = action_kind(config.action).space
-
-    def chunks(self, number: int) -> Iterator[EpisodeBuffer]:
-        """The drive up to its end, a stretch at a time."""
-        from minari.data_collector import EpisodeBuffer
-
-        seen, rows = [self.view.reset(self._world)], []
-        for row in self._steps(seen):
-            rows.append(row)
-            if len(rows) == _CHUNK or row[2] or row[3]:
-                actions, rewards, ends, overs = zip(*rows, strict=True)
-                yield EpisodeBuffer(
-                    id=number,
-                    observations=_stacked(seen),
-                    actions=np.array(actions),
-                    rewards=list(rewards),
-                    terminations=list(ends),
-                    truncations=list(overs),
-                )
-                seen.clear()
-                rows.clear()
-
-    def _steps(self, seen: list[Any]) -> Iterator[tuple[NDArray[np.float32], float, bool, bool]]:
-        """Action, reward, terminated, truncated of each step; observations are appended to `seen`."""
-        world, config, controls = self._world, self._config, self._episode.controls
-        referee, ended, over, taken = Referee(world, config.task), False, False, 0
-        while not (ended or over):
-            actions, reward = [], 0.0
-            for _ in range(config.frame_skip):
-                actions.append(_action(controls, world.driven_ticks(), config.action))
-                verdict = referee.judge(world.advance())
-                self.view.follow(world)
-                reward, taken = reward + verdict.reward, taken + 1
-                ended = verdict.ended_by is not None
-                over = not ended and (verdict.truncated_by is not None or taken == world.step_count)
-                if ended or over:
-                    break
-            seen.append(self.view.observe(world, referee.standing_s))
-            action = np.asarray(np.mean(actions, axis=0), np.float32)
-            if not self.action_space.contains(action):
-                raise EpisodeError(
-                    f"{self._episode.path}: its controls {action} are no {config.action} action"
-                )
-            yield action, reward, ended, over
-
-    def close(self) -> None:
-        """Release the sensors' memory."""
-        self._stage.close()
+def _env_of(drive: Episode, config: MinariConfig) -> ReplayEnv:
+    """The drive among all its traffic, as an environment."""
+    parked = drive.header.traffic.get("parked_cars", True)
+    return ReplayEnv(
+        drive.path, rig=config.rig, action=config.action, weather=config.weather,
+        traffic="dynamic" if parked else "empty", frame_skip=config.frame_skip, task=config.task, info=(),
+        quality=config.quality, map=config.map,
+    )  # fmt: skip
 
 
-def _action(controls: ControlLog, ticks: slice, kind: str) -> NDArray[np.float64]:
-    """Mean action of the driver in a step.
+def _chunks(env: ReplayEnv, number: int) -> Iterator[EpisodeBuffer]:
+    """A drive up to its end, a stretch at a time."""
+    from minari.data_collector import EpisodeBuffer
 
-    Raises:
-        EpisodeError: the drive goes backwards, which two numbers cannot express.
-    """
-    pedals = controls.steer[ticks], controls.throttle[ticks], controls.brake[ticks]
-    if kind == "controls":
-        levers = controls.reverse[ticks], controls.handbrake[ticks]
-        return np.array([float(np.mean(column)) for column in (*pedals, *levers)])
-    if controls.reverse[ticks].any():
-        raise EpisodeError(
-            "the drive goes backwards, which `continuous` cannot express; use --action controls"
-        )
-    return np.array([pedals[0].mean(), (pedals[1] - pedals[2]).mean()])
+    seen, rows, done = [env.reset()[0]], [], False
+    while not done:
+        observation, reward, ended, over, info = env.step(None)
+        done = ended or over
+        seen.append(observation)
+        rows.append((info["action"], reward, ended, over))
+        if len(rows) == _CHUNK or done:
+            actions, rewards, ends, overs = zip(*rows, strict=True)
+            yield EpisodeBuffer(
+                id=number,
+                observations=_stacked(seen),
+                actions=np.array(actions),
+                rewards=list(rewards),
+                terminations=list(ends),
+                truncations=list(overs),
+            )
+            seen.clear()
+            rows.clear()
 
 
 def _stacked(seen: Sequence[Any]) -> Any:

@@ -14,6 +14,7 @@ from carlaloc_env.core.ego import Controls
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.ego import EgoTick
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.traffic_config import traffic_of_town
 from recorder.cli.main import main
@@ -199,24 +200,17 @@ def test_a_stuck_car_is_offered_the_restart(
     assert len(eyes.seen) > 240
 
 
-class Car:
-    """State of a car that stands."""
-
-    def __init__(self, x_m: float) -> None:
-        self.position_m = np.array([x_m, 0.0, 0.0])
-
-
 def test_touches_of_one_wall_are_one_collision(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Eight touches of a car that is pushed, with pauses; a car beside it; away and back to the wall."""
-    monkeypatch.setattr("recorder.drive.episode_listener.ego_row", lambda *_: None)
     monkeypatch.setattr(EpisodeWriter, "ego", lambda *_: None)
     out = tmp_path / "a.mcap"
     listener = EpisodeListener(lambda catalog: EpisodeWriter(out, header_of(0)))
     listener.on_start(header_of(0).catalog)
     touched = {**dict.fromkeys(range(400, 6000, 700)), 7000: 8, 9000: None, 9002: None}
     for tick in range(9100):
-        car = Car(3.0 if 7500 < tick < 8500 else 0.0)
-        listener.on_tick(tick, car, Controls())  # type: ignore[arg-type]
+        x_m = 3.0 if 7500 < tick < 8500 else 0.0
+        car = EgoTick((x_m, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0, 0.0, [0.0] * 4)
+        listener.on_tick(tick, car, Controls())
         if tick in touched:
             contact = Contact(actor_id=touched[tick], impulse_ns=900.0, position_m=(0.0, 0.0, 0.0))
             listener.on_contact(tick, contact)

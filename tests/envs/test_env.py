@@ -58,6 +58,7 @@ def test_every_town_is_registered() -> None:
     names = {f"CarlaLoc-{town}-v0": {"map": town} for town in (*carlaloc_env.TOWNS, "Town10HD")}
     specs = {name: gymnasium.spec(name) for name in gymnasium.registry if name.startswith("CarlaLoc-")}
     assert specs.pop("CarlaLoc-AnyTown-v0").entry_point == "carlaloc_env.envs.any_town_env:AnyTownEnv"
+    assert specs.pop("CarlaLoc-Replay-v0").entry_point == "recorder.episode_env.replay_env:ReplayEnv"
     assert {name: spec.kwargs for name, spec in specs.items()} == {**names, "CarlaLoc-v0": {}}
     assert {spec.entry_point for spec in specs.values()} == {"carlaloc_env.envs.carlaloc_env:CarlaLocEnv"}
 

@@ -16,7 +16,9 @@ from carlaloc_env.sensors.camera_config import CameraConfig
 
 SLOW = ("paper", "real", "flu", "dsec")
 """Rigs whose pictures take ten seconds and more here."""
-IDS = sorted(name for name in gymnasium.registry if name.startswith("CarlaLoc-"))
+REPLAY = "CarlaLoc-Replay-v0"
+"""It needs a drive: `tests/episode_env` checks it."""
+IDS = sorted(name for name in gymnasium.registry if name.startswith("CarlaLoc-") and name != REPLAY)
 QUICK = ("CarlaLoc-v0", "CarlaLoc-AnyTown-v0")
 """The default, and the one of another class; `test_env.py` holds all others to differ by their map alone."""
 ALL_RIGS = (*RIGS, "bev", "sensors of state")

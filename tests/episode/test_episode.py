@@ -1,7 +1,6 @@
 """Episode files: bit-exact, and readable by other MCAP tools."""
 
 import io
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -135,7 +134,8 @@ def test_a_summary_tells_stops_and_who_is_close_ahead(tmp_path: Path) -> None:
             speed = 0.1 if 7.4 < at_s < 7.6 else speed
             turn = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
             here = np.array([100.0, 20.0 + at_s, 1.0])
-            writer.ego(tick, replace(row_of(tick), position_m=here, quat_xyzw=turn, speed_mps=speed))
+            row = row_of(tick)._replace(position_m=here, quat_xyzw=turn, speed_mps=speed)
+            writer.ego(tick, row)
             if tick % 10 == 0:
                 frame = frame_of(tick // 10, 2)
                 ahead_m = EGO_FRONT_M + 8.0 + 0.5 * length_m

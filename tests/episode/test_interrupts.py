@@ -17,7 +17,7 @@ from recorder.episode.writer import EpisodeWriter
 
 TICKS = 200
 WATCHED = {mcap_container.__file__, writer.__file__, mcap.writer.__file__}
-OF_A_TICK = {"ego", "_add", "add_message"}
+OF_A_TICK = {"ego", "_check_open", "_flush_in_time"}
 """Functions that run at every tick."""
 ROW = EgoRow(position_m=np.arange(3.0), quat_xyzw=np.array([0.0, 0.0, 0.0, 1.0]))
 

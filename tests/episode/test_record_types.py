@@ -85,12 +85,13 @@ def test_random_arrays_give_the_bytes_of_rosbags() -> None:
 def test_messages_of_an_episode_are_those_of_rosbags() -> None:
     """Rules out a file that only we can read."""
     row = row_of(5)
-    ego = Rosbags(EGO).read(pack_ego(5, row))
+    packed = pack_ego(5, [row]).tobytes()
+    ego = Rosbags(EGO).read(packed)
     assert ego.tick == 5
     assert ego.quat_xyzw.tolist() == np.asarray(row.quat_xyzw).tolist()
-    assert Rosbags(EGO).serialised(vars(ego) | {}) == pack_ego(5, row)
+    assert Rosbags(EGO).serialised(vars(ego) | {}) == packed
     for count in range(6):
-        ours = pack_actors(9, frame_of(9, count), np.arange(SIGNALS, dtype=np.uint8))
+        ours = pack_actors(9, [frame_of(9, count)], [np.arange(SIGNALS, dtype=np.uint8)]).tobytes()
         frame = Rosbags(ACTORS).read(ours)
         assert frame.signals.tolist() == list(range(SIGNALS))
         assert Rosbags(ACTORS).serialised(vars(frame) | {}) == ours
@@ -109,6 +110,6 @@ def test_what_cannot_be_laid_out_is_refused() -> None:
     with pytest.raises(ValueError, match="numpy has no layout"):
         EVENT.dtype()
     with pytest.raises(ValueError, match="shape"):
-        pack_ego(0, EgoRow(position_m=(0.0, 0.0), quat_xyzw=(0.0, 0.0, 0.0, 1.0)))
+        pack_ego(0, [EgoRow(position_m=(0.0, 0.0), quat_xyzw=(0.0, 0.0, 0.0, 1.0))])
     with pytest.raises(ValueError, match="not of 216 bytes"):
         EGO.rows([b"too short"])

@@ -20,10 +20,12 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.traffic_config import traffic_of_town
 from recorder.cli.main import main
 from recorder.drive.episode_listener import EpisodeListener
+from recorder.drive.record_agent import RecordDrive
 from recorder.episode.episode_header import EpisodeHeader
 from recorder.episode.writer import EpisodeWriter
 from recorder.minari.dataset import MinariConfig, write_minari
 
+VILLAGE = Path(__file__).parents[1] / "data" / "village.xodr"
 TRAFFIC = "dynamic,vehicles=3,walkers=0"
 SEED = 3
 STEPS = 40
@@ -185,6 +187,34 @@ def test_bad_input_is_one_line_and_leaves_nothing(
         write_minari(MinariConfig(episodes=(drive,), **settings))
     assert "\n" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_rewards_of_a_random_route_are_the_environments(tmp_path: Path) -> None:
+    """Of the route, start and task in the drive's header, not of the town's route; ends are the agent's."""
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    env = RecordDrive(
+        CarlaLocEnv(VILLAGE, "state", traffic="empty", route="random", start=0.3, task={"off_route_m": 3.0}),
+        tmp_path / "agent.mcap",
+    )
+    seen, info = env.reset(seed=6)
+    shown, rewards, ended = [seen], [], False
+    while not ended:
+        seen, reward, ended, _, info = env.step(np.array([0.4, 0.5], np.float32))
+        shown.append(seen)
+        rewards.append(reward)
+    env.close()
+    assert info["ended_by"] in ("off_route", "off_road")
+    out = tmp_path / "village-agent-v0"
+    write_minari(MinariConfig(episodes=(Path(info["drive_file"]),), out=out, map=VILLAGE))
+    (told,) = list(_load(out).iterate_episodes())
+    np.testing.assert_allclose(told.rewards, rewards, atol=1e-9)
+    np.testing.assert_allclose(told.observations, shown, atol=1e-6)
+    assert told.terminations.tolist() == [False] * (len(rewards) - 1) + [True]
+    (known,) = _load(out).storage.get_episode_metadata([0])
+    again = _load(out).recover_environment()
+    _, begun = again.reset(options=known["options"])
+    assert begun["route_length_m"] == pytest.approx(info["route_length_m"], abs=1e-9)
+    again.close()
 
 
 def test_a_data_set_is_not_replaced_and_reversing_needs_five_numbers(

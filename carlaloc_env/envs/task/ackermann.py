@@ -4,6 +4,7 @@ from math import atan
 from typing import NamedTuple
 
 from carlaloc_env.core.ego import Controls
+from carlaloc_env.envs.task.task_world import TaskWorld
 from carlaloc_env.physics.drivetrain import motor_force_n
 from carlaloc_env.physics.params import VehicleParams
 
@@ -30,6 +31,12 @@ class Motion(NamedTuple):
 
 AT_REST = Motion()
 """A standing car."""
+
+
+def motion_of(world: TaskWorld) -> Motion:
+    """Motion of a drive's car now."""
+    row = world.route.row_at(world.route_s_m)
+    return Motion(speed_mps=world.state.speed_mps, speed_limit_mps=float(world.route.speed_limit_mps[row]))
 
 
 def controls_towards(steer: float, speed: float, motion: Motion, p: VehicleParams) -> Controls:

@@ -78,19 +78,22 @@ class SensorView:
         self._rig = rig.build(stage)
         self._observer = Observer(self._rig)
         self.space: spaces.Space[Any] = self._observer.space
-        self._before_ns = -1
+        self._begin_ns, self._before_ns = 0, -1
 
     def reset(self, world: TaskWorld) -> Any:
         """The first observation of a drive."""
         self._rig = self._config.build(self._stage)
         self._observer.reset()
-        self._before_ns = -1
+        self._begin_ns = world.now_ns
+        self._before_ns = world.now_ns - 1
         self.follow(world)
         return self.observe(world, 0.0)
 
     def follow(self, world: TaskWorld) -> None:
         """Take note of a step of 50 ms: measure it."""
-        self.samples = self._rig.measure(world.timeline, self._before_ns, world.now_ns)
+        samples = self._rig.measure(world.timeline, self._before_ns, world.now_ns)
+        # A sweep that began before the drive, where that begins late, is left out as in a replay.
+        self.samples = [sample for sample in samples if sample.stamp_ns >= self._begin_ns]
         self._observer.add(self.samples)
         self._before_ns = world.now_ns
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,8 @@ _LANE_LEAST_M = 20.0
 """Shorter lanes are no place to begin or to end at, where others are [m]."""
 _SHORTEST_ROUTE_M = 2.0
 """No route is shorter [m]."""
+_SAME_ROUTE_M = 0.01
+"""Routes that differ more in length are not the same [m]."""
 
 Point = tuple[float, float]
 """East and north [m]."""
@@ -90,8 +92,43 @@ class EpisodeStart:
         return json.dumps(through) if through and self.route != "random" else str(self.route)
 
 
-def route_of(start: EpisodeStart, town: Town, rng: np.random.Generator) -> Route:
-    """The route of an episode, from the place on where the car starts.
+class DrivenRoute(NamedTuple):
+    """A route, and the points and the share that lead to the same one in the same town."""
+
+    route: Route
+    """The route from the place on where the car starts."""
+    points_m: tuple[Point, ...]
+    """Points near lanes that it was planned through [m]; empty: the town's own route."""
+    start: float
+    """Share of the planned route that is left out before the car."""
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain data, as the header of an episode holds them."""
+        length = {"length_m": self.route.length_m, "closed": self.route.closed}
+        return {"points_m": [list(point) for point in self.points_m], "start": self.start, **length}
+
+
+def route_again(mapping: Mapping[str, Any], town: Town) -> Route:
+    """The route of `DrivenRoute.to_mapping`; without points, the town's own.
+
+    Raises:
+        ConfigError: the town has no route, or another one.
+        MapError: a point lies off the lanes, or no lanes lead from one to the next.
+    """
+    points = mapping.get("points_m") or "town"
+    start = EpisodeStart.of({"route": points, "start": mapping.get("start", 0.0)})
+    route = route_of(start, town, np.random.default_rng(0)).route
+    length_m = float(mapping.get("length_m", route.length_m))
+    if abs(length_m - route.length_m) > _SAME_ROUTE_M:
+        raise ConfigError(
+            f"the drive's route is {length_m:.1f} m long, and that of '{town.name}' {route.length_m:.1f} m; "
+            "record the drive anew"
+        )
+    return route
+
+
+def route_of(start: EpisodeStart, town: Town, rng: np.random.Generator) -> DrivenRoute:
+    """The route of an episode.
 
     Args:
         start: What is asked for.
@@ -102,9 +139,10 @@ def route_of(start: EpisodeStart, town: Town, rng: np.random.Generator) -> Route
         ConfigError: the town has no route, or none can be drawn.
         MapError: a point lies off the lanes, or no lanes lead from one to the next.
     """
-    route = _whole_route(start, town, rng)
+    route, points = _whole_route(start, town, rng)
     share = rng.uniform(0.0, _LAST_START) if start.start == ANYWHERE else float(start.start)
-    return _from(route, share * route.length_m) if share else route
+    rest = _from(route, share * route.length_m) if share else route
+    return DrivenRoute(route=rest, points_m=tuple(points), start=share)
 
 
 def _from(route: Route, s_m: float) -> Route:
@@ -118,21 +156,23 @@ def _from(route: Route, s_m: float) -> Route:
     return replace(route, **rest, length_m=route.length_m - row * route.step_m)
 
 
-def _whole_route(start: EpisodeStart, town: Town, rng: np.random.Generator) -> Route:
+def _whole_route(start: EpisodeStart, town: Town, rng: np.random.Generator) -> tuple[Route, Sequence[Point]]:
+    """A route, and the points that it was planned through: none for the town's own."""
     if start.route == "random":
         return _random_route(town, rng, start.spawn)
     points = start.route if isinstance(start.route, tuple) else ()
     if not points and start.spawn is None and start.goal is None:
-        return _town_route(town)
+        return _town_route(town), ()
     if not points:
         line = None if start.spawn and start.goal else _town_route(town).position_m
         begin = start.spawn if line is None or start.spawn else (float(line[0, 0]), float(line[0, 1]))
         end = start.goal if line is None or start.goal else (float(line[-1, 0]), float(line[-1, 1]))
         assert begin is not None
         assert end is not None
-        return town.plan_route([begin, end])
+        return town.plan_route([begin, end]), (begin, end)
     ends = [[start.spawn] if start.spawn else [], [start.goal] if start.goal else []]
-    return town.plan_route([*ends[0], *points, *ends[1]])
+    through = [*ends[0], *points, *ends[1]]
+    return town.plan_route(through), through
 
 
 def _town_route(town: Town) -> Route:
@@ -141,21 +181,21 @@ def _town_route(town: Town) -> Route:
     return town.route
 
 
-def _random_route(town: Town, rng: np.random.Generator, spawn: Point | None) -> Route:
+def _random_route(town: Town, rng: np.random.Generator, spawn: Point | None) -> tuple[Route, Sequence[Point]]:
     """A route between two places on lanes, of a length within `RANDOM_ROUTE_M`, or else shorter."""
     network = town.network
     onward = lanes_that_go_on(network)
     usable = onward if onward.any() else np.array([lane.type == "driving" for lane in network.lanes])
     plain = [lane.index for lane in network.lanes if usable[lane.index] and lane.junction_id is None]
     lanes = [lane for lane in plain if network.lanes[lane].length_m > _LANE_LEAST_M] or plain
-    shorter: Route | None = None
+    shorter: tuple[Route, Sequence[Point]] | None = None
     for least_m, tries in ((RANDOM_ROUTE_M[0], _TRIES), (_SHORTEST_ROUTE_M, _SHORT_TRIES)):
         for _ in range(tries if lanes else 0):
-            route = _drawn_route(town, lanes, rng, spawn, least_m)
-            if route is not None and route.length_m >= RANDOM_ROUTE_M[0]:
-                return route
-            if route is not None and (shorter is None or route.length_m > shorter.length_m):
-                shorter = route
+            drawn = _drawn_route(town, lanes, rng, spawn, least_m)
+            if drawn is not None and drawn[0].length_m >= RANDOM_ROUTE_M[0]:
+                return drawn
+            if drawn is not None and (shorter is None or drawn[0].length_m > shorter[0].length_m):
+                shorter = drawn
     if shorter is None:
         raise ConfigError(f"no random route of up to {RANDOM_ROUTE_M[1]:g} m in '{town.name}'; give points")
     return shorter
@@ -163,8 +203,8 @@ def _random_route(town: Town, rng: np.random.Generator, spawn: Point | None) -> 
 
 def _drawn_route(
     town: Town, lanes: list[int], rng: np.random.Generator, spawn: Point | None, least_m: float
-) -> Route | None:
-    """A route between two places that are drawn, None where it is shorter than asked, or too long."""
+) -> tuple[Route, Sequence[Point]] | None:
+    """A route between two places that are drawn, and these; None where it is too short or too long."""
     pair = rng.choice(lanes, 2)
     stations = rng.uniform(0.05, 0.95, 2) * town.network.tables.length_m[pair]
     places = town.network.pose(pair, stations).position_m[:, :2].tolist()
@@ -176,7 +216,7 @@ def _drawn_route(
         route = town.plan_route([begin, end])
     except MapError:
         return None
-    return route if least_m <= route.length_m <= RANDOM_ROUTE_M[1] else None
+    return (route, (begin, end)) if least_m <= route.length_m <= RANDOM_ROUTE_M[1] else None
 
 
 def _start(value: object) -> float | str:

@@ -5,6 +5,7 @@ Examples:
   carlaloc record --map Town03 --duration 40 --seed 7 --traffic 0.5 --out short.mcap
   carlaloc record --device keyboard --out mine.mcap
   carlaloc record --device wheel --calibrate
+  carlaloc record --device policy.py --route random --start anywhere --out agent.mcap
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from recorder.cli.arguments import (
     OutputFile,
     config_of,
     force_option,
+    number,
+    numbers,
     option,
     positive_seconds,
     seed,
@@ -45,7 +48,9 @@ _TOWN, _WEATHER, _TRAFFIC = "Town03", "ClearNoon", "dynamic"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc record`."""
     parser.add_argument("--map", help="town, or a .xodr file (default: Town03)")
-    parser.add_argument("--device", help="scripted, hand, wheel, gamepad or keyboard (default: scripted)")
+    parser.add_argument(
+        "--device", help="scripted, hand, wheel, gamepad, keyboard or policy.py (default: scripted)"
+    )
     parser.add_argument(
         "--choose",
         action=argparse.BooleanOptionalAction,
@@ -61,6 +66,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ride", default="standard", help="standard, or real: rolls and shakes as measured on cars"
     )
+    parser.add_argument(
+        "--route", nargs="+", type=_place, default=["town"], metavar="X,Y",
+        help="town (default), random, or points near lanes [m]: --route 10,20 300,-4.5",
+    )  # fmt: skip
+    parser.add_argument(
+        "--start", type=_start, default=0.0, metavar="SHARE",
+        help="share of the route at which the car starts, 0 to below 1, or anywhere",
+    )  # fmt: skip
     parser.add_argument("--weather", help="weather in the window, or a schedule.yaml (default: ClearNoon)")
     parser.add_argument(
         "--window",
@@ -71,6 +84,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--calibrate", action="store_true", help="ask for the device's axes, write its profile, and end"
     )
     force_option(parser, "an older episode of this name")
+
+
+def _start(text: str) -> str | float:
+    return text if text == "anywhere" else number(text)
+
+
+def _place(text: str) -> str | tuple[float, ...]:
+    """A named route, or a point [m]."""
+    return numbers(text) if "," in text else text
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -133,9 +155,11 @@ def _record(arguments: argparse.Namespace, opening: Opening | None, preferred: s
     from recorder.devices.registry import open_device
     from recorder.drive.record import RecordConfig, record
 
+    route = arguments.route
     config = config_of(
         RecordConfig, arguments, map=arguments.map or _TOWN, duration_s=arguments.duration,
         traffic=arguments.traffic or _TRAFFIC, weather=arguments.weather or _WEATHER,
+        route=route[0] if route[1:] == [] and isinstance(route[0], str) else tuple(route),
         overwrite=arguments.force,
     )  # fmt: skip
     _announce(config)

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
-from carlaloc_env.core.errors import EpisodeError
-from carlaloc_env.core.files.config_files import from_mapping
+from carlaloc_env.core.errors import ConfigError, EpisodeError, MapError
 from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.road_ahead import RoadAhead
+from carlaloc_env.envs.task.episode_start import route_again
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.timeline.actors import ActorFrame
 from carlaloc_env.town.town import Town, without_movables
 from carlaloc_env.traffic.stop_lines import StopLines
-from carlaloc_env.traffic.traffic_config import TrafficConfig
 from recorder.episode.episode import Episode
+from recorder.episode.traffic_level import TrafficLevel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,23 +39,24 @@ class RecordedCar:
 
 
 class RecordedWorld:
-    """A drive on the route of its town, at the start and then at each step of 50 ms.
+    """A drive on its route, at a step of 50 ms and then at each one after it.
 
     Args:
         episode: The drive.
         town: Where it was.
+        level: Traffic that is seen of it.
 
     Raises:
-        EpisodeError: the town has no route, or the drive is shorter than a step.
+        EpisodeError: its route is not known, or the drive is shorter than a step.
     """
 
-    def __init__(self, episode: Episode, town: Town) -> None:
-        if town.route is None:
-            raise EpisodeError(f"{episode.path}: {town.name} has no route to follow")
-        traffic = from_mapping(TrafficConfig, episode.header.traffic, f"{episode.path}: traffic")
-        self.town = town if traffic.parked_cars else without_movables(town)
-        self.route: Route = town.route
-        self.timeline = episode.timeline()
+    def __init__(self, episode: Episode, town: Town, level: TrafficLevel) -> None:
+        self.town = town if level.parked_cars else without_movables(town)
+        try:
+            self.route: Route = route_again(episode.header.route, town)
+        except (ConfigError, MapError) as error:
+            raise EpisodeError(f"{episode.path}: {error}") from error
+        self.timeline = level.select(episode.timeline())
         self.step_count = min(len(episode.ego) - 2, (len(episode.steps) - 2) * STEP_TICKS) // STEP_TICKS
         """Steps that can be taken; physics and traffic were recorded a tick and a step ahead."""
         if self.step_count < 1:
@@ -66,10 +67,21 @@ class RecordedWorld:
             if event.kind == "collision":
                 step = max(event.tick - 2, 0) // STEP_TICKS
                 self._touches.setdefault(step, []).append(_contact(event.data))
-        self._road = RoadAhead(town.network, self.route)
+        self.start()
+
+    def start(self, step: int = 0) -> None:
+        """Begin at a step; the way before it has been driven."""
+        self._road = RoadAhead(self.town.network, self.route)
         self._step = 0
         self.state = self._car()
         self._road.start(self.state.position_m)
+        for _ in range(step):
+            self.advance()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all steps have been taken."""
+        return self._step >= self.step_count
 
     def advance(self) -> list[Contact]:
         """Advance by a step, and return the contacts that began in it."""
