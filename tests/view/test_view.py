@@ -160,7 +160,10 @@ def test_a_town_shows_its_classes(town03: Town, tmp_path: Path) -> None:
         (["view", "Town33"], "Town03"),
         (["view", "{tmp}/none.mcap", "--out", "{tmp}/a.rrd"], "cannot read"),
         (["view", "Town03", "--out", "{tmp}/a.png"], "does not end in .rrd"),
-        (["view", "Town03", "--estimate", "x.tum", "--out", "{tmp}/a.rrd"], "--estimate is for sequences"),
+        (
+            ["view", "Town03", "--estimate", "x.tum", "--out", "{tmp}/a.rrd"],
+            "--estimate and --drive are for sequences",
+        ),
     ],
 )
 def test_what_cannot_be_shown_is_told_in_a_line(

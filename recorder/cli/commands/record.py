@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ride", default="standard", help="standard, or real: rolls and shakes as measured on cars"
     )
     parser.add_argument(
-        "--route", nargs="+", type=_place, default=["town"], metavar="X,Y",
+        "--route", nargs="+", type=route_place, default=["town"], metavar="X,Y",
         help="town (default), random, or points near lanes [m]: --route 10,20 300,-4.5",
     )  # fmt: skip
     parser.add_argument(
@@ -90,7 +90,7 @@ def _start(text: str) -> str | float:
     return text if text == "anywhere" else number(text)
 
 
-def _place(text: str) -> str | tuple[float, ...]:
+def route_place(text: str) -> str | tuple[float, ...]:
     """A named route, or a point [m]."""
     return numbers(text) if "," in text else text
 
