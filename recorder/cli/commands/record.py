@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="town (default), random, or points near lanes [m]: --route 10,20 300,-4.5",
     )  # fmt: skip
     parser.add_argument(
-        "--start", type=_start, default=0.0, metavar="SHARE",
+        "--start", type=route_start, default=0.0, metavar="SHARE",
         help="share of the route at which the car starts, 0 to below 1, or anywhere",
     )  # fmt: skip
     parser.add_argument("--weather", help="weather in the window, or a schedule.yaml (default: ClearNoon)")
@@ -86,7 +86,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     force_option(parser, "an older episode of this name")
 
 
-def _start(text: str) -> str | float:
+def route_start(text: str) -> str | float:
+    """``anywhere``, or a share of the route."""
     return text if text == "anywhere" else number(text)
 
 
