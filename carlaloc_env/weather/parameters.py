@@ -1,6 +1,6 @@
-"""Weather in CARLA's fourteen parameters, and the light and air that follow from them.
+"""Weather in CARLA's fourteen parameters and two of snow, and the light and air that follow from them.
 
-The parameters keep CARLA's names, units and ranges (``PythonAPI/docs/weather.yml``).
+CARLA's parameters keep its names, units and ranges (``PythonAPI/docs/weather.yml``); snow is ours.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.weather.snowfall import extinction_per_m as snow_extinction_per_m
 
 MOR_CONTRAST = 0.05
 """Contrast left at the meteorological optical range (ICAO, WMO)."""
@@ -34,12 +35,16 @@ RANGES: dict[str, tuple[float, float]] = {
     "mie_scattering_scale": (0.0, 5.0),
     "rayleigh_scattering_scale": (0.0, 2.0),
     "dust_storm": (0.0, 100.0),
+    "snowfall": (0.0, 10.0),
+    "snow_cover": (0.0, 1.0),
 }
+SNOW = ("snowfall", "snow_cover")
+"""Fields that are ours; mappings name them only where there is snow, so that others stay as they were."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeatherParameters:
-    """The fourteen fields of ``carla.WeatherParameters``; the defaults are CARLA's ClearNoon.
+    """The fourteen fields of ``carla.WeatherParameters`` and two of snow; the defaults are CARLA's ClearNoon.
 
     Their physical meaning is ours, since Unreal's fog density is not an extinction:
 
@@ -47,6 +52,7 @@ class WeatherParameters:
       meteorological optical range (MOR, 5 % contrast) of 80 m, and 2 is one of 20 km;
     * the fog thins by 1/e every ``10 / fog_falloff`` metres and begins ``fog_distance`` metres away;
     * precipitation 100 is rain of 50 mm/h (extinction after the Marshall–Palmer drop sizes);
+    * snow falls as water of so many mm/h in flakes of 0.1 g/cm³ (`weather.snowfall`), never with rain;
     * the sun's azimuth runs clockwise from east as seen from above.
     """
 
@@ -78,19 +84,25 @@ class WeatherParameters:
     """Amount of air molecules; 0.0331 is the Earth's."""
     dust_storm: float = 0.0
     """Strength of a dust storm [%]."""
+    snowfall: float = 0.0
+    """Rate of falling snow [mm/h of water]."""
+    snow_cover: float = 0.0
+    """Share of open level surfaces under snow, 0–1."""
 
     def __post_init__(self) -> None:
         for name, (low, high) in RANGES.items():
             value = getattr(self, name)
             if not (math.isfinite(value) and low <= value <= high):
                 raise ConfigError(f"weather: {name} = {value:g} lies outside {low:g}…{high:g}")
+        if self.precipitation > 0.0 and self.snowfall > 0.0:
+            raise ConfigError("weather: rain and snow fall together; set precipitation or snowfall to 0")
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, float]) -> WeatherParameters:
         """Weather out of a mapping such as a YAML section; missing fields keep their defaults.
 
         Raises:
-            ConfigError: a key is not one of the fourteen fields, or a value is out of range.
+            ConfigError: a key is not a field, or a value is out of range.
         """
         for key in values:
             if key not in RANGES:
@@ -101,8 +113,9 @@ class WeatherParameters:
             raise ConfigError(f"weather: {error}; give numbers") from error
 
     def to_mapping(self) -> dict[str, float]:
-        """All fourteen fields by name."""
-        return {item.name: getattr(self, item.name) for item in fields(self)}
+        """All fields by name, those of snow where they are above 0."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: value for name, value in values.items() if value or name not in SNOW}
 
     def at(self, stamp_ns: int) -> WeatherParameters:
         """Weather of a time [ns]: always this one; a `WeatherSchedule` changes."""
@@ -136,6 +149,11 @@ class WeatherParameters:
         return 0.5 * self.precipitation
 
     @property
+    def falls(self) -> bool:
+        """Whether drops or flakes fall before cameras."""
+        return self.precipitation > 0.0 or self.snowfall > 0.0
+
+    @property
     def fog_extinction_per_m(self) -> float:
         """Extinction by fog at height 0 [1/m]."""
         return float(0.0375 * elementary.power(self.fog_density / 80.0, 1.5))
@@ -147,13 +165,13 @@ class WeatherParameters:
 
     @property
     def uniform_extinction_per_m(self) -> float:
-        """Extinction that does not depend on height: rain, dust and haze [1/m].
+        """Extinction that does not depend on height: rain, snow, dust and haze [1/m].
 
         Rain: fit to the Marshall–Palmer sums (0.0010, 0.0016, 0.0028, 0.0043 1/m at 5, 10, 25, 50 mm/h).
         """
         rain = 3.7e-4 * float(elementary.power(self.rain_mmph, 0.63)) if self.precipitation > 0 else 0.0
         haze = 1.0e-4 * self.mie_scattering_scale / 0.03
-        return float(rain + haze + 0.03 * self.dust_storm / 100.0)
+        return float(rain + haze + 0.03 * self.dust_storm / 100.0) + snow_extinction_per_m(self.snowfall)
 
     @property
     def extinction_per_m(self) -> float:
@@ -173,12 +191,12 @@ class WeatherParameters:
 
     @property
     def overcast(self) -> float:
-        """Share of the sun's disc that clouds, rain, fog or dust hide, 0–1.
+        """Share of the sun's disc that clouds, rain, snow, fog or dust hide, 0–1.
 
         Fog counts through the vertical optical depth that it puts before the sun.
         """
         clouds = min(max((self.cloudiness - 20.0) / 60.0, 0.0), 1.0)
-        dust_and_rain = self.uniform_extinction_per_m - 1.0e-4 * self.mie_scattering_scale / 0.03
-        depth = self.fog_extinction_per_m * self.fog_scale_height_m + 30.0 * dust_and_rain
+        falling = self.uniform_extinction_per_m - 1.0e-4 * self.mie_scattering_scale / 0.03
+        depth = self.fog_extinction_per_m * self.fog_scale_height_m + 30.0 * falling
         slant = depth / max(elementary.sin(math.radians(max(self.sun_altitude_angle, 5.0))), 0.1)
         return 1.0 - (1.0 - clouds) * float(elementary.exp(-slant))

@@ -7,11 +7,11 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.weather.parameters import MOR_CONTRAST, RANGES, WeatherParameters
 
 PHYSICAL = ("fog_visibility_m", "rain_mmph")
-"""Quantities beside the fourteen fields: meteorological optical range at the ground, rain rate."""
+"""Quantities beside the fields: meteorological optical range at the ground, rain rate."""
 
 
 def _row(*values: float) -> WeatherParameters:
-    return WeatherParameters(**dict(zip(RANGES, values, strict=True)))
+    return WeatherParameters(**dict(zip(RANGES, values, strict=False)))
 
 
 PRESETS: dict[str, WeatherParameters] = {
@@ -43,8 +43,13 @@ PRESETS: dict[str, WeatherParameters] = {
     # Ours: the paper names these two and prints no values. FoggyNoon is a MOR of 79 m at the ground.
     "FoggyNoon": _row(60, 0, 0, 10, -1, 45, 80, 0, 0.05, 0, 1, 0.03, 0.0331, 0),
     "RainyNight": _row(90, 60, 60, 40, -1, -90, 14, 0, 0.05, 80, 1, 0.03, 0.0331, 0),
+    # Ours: winter. Snow of 1 mm/h is the upper end of light snowfall; 12° is the sun at noon in December at
+    # 54° north.
+    "SnowyNoon": _row(100, 0, 0, 20, -1, 20, 2, 0.75, 0.1, 0, 1, 0.03, 0.0331, 0, 1, 1),
+    "SnowyNight": _row(100, 0, 0, 20, -1, -90, 2, 0.75, 0.1, 0, 1, 0.03, 0.0331, 0, 1, 1),
+    "WinterNoon": _row(15, 0, 0, 10, -1, 12, 2, 0.75, 0.1, 0, 1, 0.03, 0.0331, 0, 0, 1),
 }
-"""All weathers by name: CARLA's presets and the paper's own two, FoggyNoon and RainyNight."""
+"""All weathers by name: CARLA's presets, the paper's own two, FoggyNoon and RainyNight, and winter's three."""
 
 
 def weather_by_name(name: str) -> WeatherParameters:
@@ -81,7 +86,7 @@ def changed_weather(text: str) -> WeatherParameters:
 
 def weather_quantities() -> tuple[str, ...]:
     """Names of all that can be changed of a weather."""
-    return (*WeatherParameters().to_mapping(), *PHYSICAL)
+    return (*RANGES, *PHYSICAL)
 
 
 def with_quantity(weather: WeatherParameters, name: str, value: float) -> WeatherParameters:
@@ -97,7 +102,7 @@ def with_quantity(weather: WeatherParameters, name: str, value: float) -> Weathe
         fields["fog_density"] = 80.0 * float(elementary.power(max(wanted, 0.0) / 0.0375, 2.0 / 3.0))
     elif name == "rain_mmph":
         fields["precipitation"] = 2.0 * value
-    elif name in fields:
+    elif name in RANGES:
         fields[name] = value
     else:
         raise ConfigError(unknown_name("weather quantity", name, weather_quantities()))

@@ -16,7 +16,7 @@ import yaml
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.files.text_files import read_text
-from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.parameters import RANGES, WeatherParameters
 from carlaloc_env.weather.presets import changed_weather, weather_by_name
 
 STEP_NS = 1_000_000_000
@@ -48,6 +48,9 @@ class WeatherSchedule:
             b <= a for a, b in zip(self.at_s, self.at_s[1:], strict=False)
         ):
             raise ConfigError(f"weather schedule: the times {list(self.at_s)} do not rise; sort them")
+        for before, after in zip(self.weathers, self.weathers[1:], strict=False):
+            if max(before.precipitation, after.precipitation) * max(before.snowfall, after.snowfall) > 0.0:
+                raise ConfigError("weather schedule: rain turns into snow; put a time without either between")
 
     def at(self, stamp_ns: int) -> WeatherParameters:
         """Weather of a time since the drive began [ns]; it changes in steps of `STEP_NS`."""
@@ -59,10 +62,8 @@ class WeatherSchedule:
             return self.weathers[-1]
         begin, end = self.weathers[after - 1], self.weathers[after]
         share = (now_s - self.at_s[after - 1]) / (self.at_s[after] - self.at_s[after - 1])
-        later = end.to_mapping()
-        return WeatherParameters.from_mapping(
-            {name: value + share * (later[name] - value) for name, value in begin.to_mapping().items()}
-        )
+        values = ((name, getattr(begin, name), getattr(end, name)) for name in RANGES)
+        return WeatherParameters(**{name: first + share * (last - first) for name, first, last in values})
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain data, for YAML files."""
