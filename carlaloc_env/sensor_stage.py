@@ -10,6 +10,7 @@ from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.freed_memory import give_back_freed_memory, give_back_mapped_pages
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.road.wheel_tracks import WheelTracks
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.town import Town
@@ -31,12 +32,14 @@ class SensorStage:
     def __init__(self, town: Town, *, seed: int, weather: Weather, quality: str = "medium") -> None:
         self._geo, self._lenses, self._lamps_m = town.roads.geo, town.outline.lenses, town.outline.lamps_m
         self._roughness = None if town.roughness is None else town.roughness.table
+        self._middles_m = town.network.driven_middles_m
         self._look: Callable[[], tuple[Mesh, ...]] | None = town.scenery
         self._seed = seed
         self.weather = weather
         self._quality = quality
         self._renderer: SceneRenderer | None = None
         self._rays: RayScene | None = None
+        self._tracks: WheelTracks | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """State for another process: the meshes themselves, since it has no town."""
@@ -72,6 +75,12 @@ class SensorStage:
         """Waves and events of the roads that their meshes lack; None: there are none."""
         return self._roughness
 
+    def wheel_tracks(self) -> WheelTracks:
+        """Map of the lanes' wheel tracks, made when first asked for."""
+        if self._tracks is None:
+            self._tracks = WheelTracks.of(self._middles_m)
+        return self._tracks
+
     def renderer(self) -> SceneRenderer:
         """The renderer of this town.
 
@@ -86,7 +95,11 @@ class SensorStage:
 
             give_back_freed_memory()
             self._renderer = SceneRenderer(
-                self._scenery(), self.library, lamps_m=self._lamps_m, quality=self._quality
+                self._scenery(),
+                self.library,
+                lamps_m=self._lamps_m,
+                tracks=self.wheel_tracks,
+                quality=self._quality,
             )
             self._drop_scenery()
             give_back_freed_memory()

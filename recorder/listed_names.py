@@ -25,6 +25,7 @@ def _weathers() -> dict[str, str]:
     return {
         name: f"sun {w.sun_altitude_angle:g}° high, clouds {w.cloudiness:g} %, rain {w.precipitation:g} %, "
         f"fog {w.fog_density:g} %, wetness {w.wetness:g} %"
+        + (f", snow {w.snowfall:g} mm/h on {100 * w.snow_cover:g} % of the ground" if w.snow_cover else "")
         for name, w in PRESETS.items()
     }
 

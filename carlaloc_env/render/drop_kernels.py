@@ -29,6 +29,20 @@ def mixed(x: np.uint32) -> np.uint32:
 
 
 @inlined
+def _ball(turned: float) -> float:
+    """Light that a diffuse ball throws back over its mean in all directions, 8/3 straight back to the lamp.
+
+    Lambert's law over the lit part of the ball: 8/(3π)·(sin θ − θ·cos θ) at the angle θ by which light turns
+    (Schönberg, "On the brightness of planets", 1929).
+
+    Args:
+        turned: Cosine between the way from the lamp and the way from the eye.
+    """
+    angle = math.acos(min(max(-turned, -1.0), 1.0))
+    return 8.0 / (3.0 * math.pi) * (math.sin(angle) - angle * math.cos(angle))
+
+
+@inlined
 def _least(x: float, y: float, z: float, planes: Array) -> float:
     """Signed distance [m] of a place to the nearest of planes, shape (K, 4): positive inside all of them."""
     least = math.inf
@@ -101,6 +115,7 @@ def light_drops(
     caps: Array,
     ranges: Array,
     beams: NDArray[np.bool_],
+    flake_albedo: float,
 ) -> None:
     """Add what lamps give to drops, see `lit`.
 
@@ -116,6 +131,7 @@ def light_drops(
         caps: Most gain, shape (K,).
         ranges: Where the light has faded to nothing [m], shape (K,).
         beams: Whether it is a low beam, shape (K,).
+        flake_albedo: Of flakes, 0: they are drops.
     """
     for n in range(len(drops)):
         x, y, z = drops[n, 0], drops[n, 1], drops[n, 2]
@@ -131,9 +147,12 @@ def light_drops(
                 gain = low_beam(ahead, left, u * ups[k, 0] + v * ups[k, 1] + w * ups[k, 2])
             else:
                 gain = _batwing(ahead, edges[k, 0], edges[k, 1], caps[k])
-            spread = 1.0 + _FORWARD**2 + 2.0 * _FORWARD * (u * x + v * y + w * z) / away
+            turned = (u * x + v * y + w * z) / away
+            spread = 1.0 + _FORWARD**2 + 2.0 * _FORWARD * turned
             lobe = (1.0 - _FORWARD**2) / (spread * math.sqrt(spread))
             phase = (0.75 * lobe + 0.25) / (4.0 * math.pi)
+            if flake_albedo > 0.0:
+                phase = flake_albedo * _ball(turned) / (4.0 * math.pi)
             given = gain * _window(r2 / (ranges[k] * ranges[k])) * phase / r2
             for channel in range(3):
                 shine[n, channel] += given * colours[k, channel]

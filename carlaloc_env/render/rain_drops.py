@@ -1,6 +1,6 @@
-"""Falling rain: drops with places in the world, the same for every camera and every moment.
+"""Falling rain and snow: drops and flakes with places in the world, the same for every camera and moment.
 
-Each size of drops is a lattice of cells that falls as a whole with its terminal velocity and drifts with the
+Each size of them is a lattice of cells that falls as a whole with its terminal velocity and drifts with the
 wind; a hash of the cell places the drops in it. So any picture can be made alone, both cameras see the same
 drops, and they continue to fall in the next picture.
 """
@@ -20,6 +20,7 @@ from carlaloc_env.render.drop_kernels import drops_in_cells, light_drops
 from carlaloc_env.render.lighting.light_sources import Lights
 from carlaloc_env.render.views import CameraView
 from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.snowfall import ALBEDO, fall_mps, flakes_per_m3
 
 CELL_M = 1.0
 """Edge of the cells of the lattices of drops [m]."""
@@ -28,6 +29,8 @@ SIZES_MM = ((1.6, 0.5, 2.2), (2.1, 0.55, 3.2), (2.7, 0.7, 4.5), (3.5, 1.0, 6.5))
 
 Smaller and farther ones are thinner than half a pixel: they are the air's extinction.
 """
+FLAKES_MM = ((1.5, 1.0, 3.0), (2.5, 1.0, 5.0), (3.5, 1.0, 7.0), (5.0, 2.0, 10.0), (8.0, 4.0, 15.0))
+"""The same of flakes."""
 NEAR_M = 0.35
 """Distance below which no drop is drawn [m]: the lens is wiped there."""
 MOST_LAMPS = 6
@@ -46,13 +49,16 @@ class Streaks:
     """Where they were at its beginning, seen from where the eye was then [m], shape (N, 3)."""
     diameter_m: Array
     """Shape (N,)."""
+    flakes: bool = False
+    """Whether they are flakes of snow."""
 
     def __len__(self) -> int:
         return len(self.end_m)
 
     def take(self, which: NDArray[np.intp]) -> Streaks:
         """Some of the streaks."""
-        return Streaks(**{name: getattr(self, name)[which] for name in self.__slots__})
+        end, begin, diameter = self.end_m[which], self.begin_m[which], self.diameter_m[which]
+        return Streaks(end_m=end, begin_m=begin, diameter_m=diameter, flakes=self.flakes)
 
     @property
     def opacity(self) -> Array:
@@ -74,7 +80,7 @@ def drops_per_m3(rain_mmph: float, diameter_mm: float, width_mm: float) -> float
     return 8000.0 * math.exp(-slope * diameter_mm) * width_mm
 
 
-def rain_streaks(
+def streaks_before(
     view: CameraView,
     weather: WeatherParameters,
     *,
@@ -83,33 +89,38 @@ def rain_streaks(
     velocity_mps: Array,
     exposure_time_s: float,
 ) -> Streaks:
-    """All drops near a camera that show as streaks.
+    """All drops or flakes near a camera that show as streaks.
 
     Args:
         view: Camera at the end of the exposure.
-        weather: Rain and wind.
+        weather: Rain or snow, and wind.
         stamp_ns: End of the exposure [ns].
-        seed: Seed of the rain.
+        seed: Seed of the drops.
         velocity_mps: Velocity of the camera in the world, shape (3,).
         exposure_time_s: Exposure time [s].
     """
     wind = weather.wind_mps
-    key = int(clock.stream(seed, "render/rain").integers(1 << 32))
+    flakes = weather.snowfall > 0.0
+    key = int(clock.stream(seed, "render/snow" if flakes else "render/rain").integers(1 << 32))
     ends, falls, sizes = [], [], []
-    for index, (diameter, width, reach) in enumerate(SIZES_MM):
-        density = drops_per_m3(weather.rain_mmph, diameter, width) * CELL_M**3
-        velocity = np.array([*wind[:2], -terminal_mps(diameter)])
+    for index, (diameter, width, reach) in enumerate(FLAKES_MM if flakes else SIZES_MM):
+        if flakes:
+            density, speed = flakes_per_m3(weather.snowfall, diameter, width), fall_mps(diameter)
+        else:
+            density, speed = drops_per_m3(weather.rain_mmph, diameter, width), terminal_mps(diameter)
+        density *= CELL_M**3
+        velocity = np.array([*wind[:2], -speed])
         drift = velocity * (stamp_ns * 1e-9)
         places = _lattice(view, drift, density, reach, key ^ (0x9E3779B9 * (index + 1) & 0xFFFFFFFF))
         ends.append(places)
         falls.append(np.broadcast_to(velocity, places.shape))
         sizes.append(np.full(len(places), diameter * 1e-3))
-    end = np.concatenate(ends)
-    return Streaks(
-        end_m=end,
-        begin_m=end - (np.concatenate(falls) - velocity_mps) * exposure_time_s,
-        diameter_m=np.concatenate(sizes),
-    )
+    end, size = np.concatenate(ends), np.concatenate(sizes)
+    way = (np.concatenate(falls) - velocity_mps) * exposure_time_s
+    if flakes:
+        # A flake as wide as its way is long is a disc rather than a line: it reaches on by its width.
+        way *= 1.0 + (size / np.maximum(np.sqrt(np.sum(way * way, axis=1)), 1e-6))[:, None]
+    return Streaks(end_m=end, begin_m=end - way, diameter_m=size, flakes=flakes)
 
 
 def _lattice(view: CameraView, drift_m: Array, density: float, range_m: float, key: int) -> Array:
@@ -132,20 +143,21 @@ def _lattice(view: CameraView, drift_m: Array, density: float, range_m: float, k
 
 
 def lit(streaks: Streaks, eye_m: Array, sky_cd_m2: Array, lights: Lights) -> Array:
-    """Luminance of drops [cd/m²], shape (N, 3).
+    """Luminance of drops or flakes [cd/m²], shape (N, 3).
 
     A drop shows nearly the whole sky upside down (0.94 of it: Garg and Nayar 2006), and scatters lamps
-    mostly ahead: three quarters by a Henyey–Greenstein lobe of g = 0.85, the rest evenly.
+    mostly ahead: three quarters by a Henyey–Greenstein lobe of g = 0.85, the rest evenly. A flake is a white
+    diffuse ball, which throws lamps' light back.
 
     Args:
         streaks: Drops.
         eye_m: Where one looks from [m].
-        sky_cd_m2: Mean luminance of what is above, shape (3,).
+        sky_cd_m2: Mean luminance of what is above a drop, or all round a flake, shape (3,).
         lights: Lamps; those out of reach are left out.
     """
     reach = np.sqrt(np.sum((lights.position_m - eye_m) ** 2, axis=1)) < lights.range_m + 6.0
     near = lights.take(np.flatnonzero(reach)[:MOST_LAMPS])
-    shine = np.tile(0.94 * sky_cd_m2, (len(streaks), 1))
+    shine = np.tile((ALBEDO if streaks.flakes else 0.94) * sky_cd_m2, (len(streaks), 1))
     light_drops(
         shine,
         streaks.end_m,
@@ -158,5 +170,6 @@ def lit(streaks: Streaks, eye_m: Array, sky_cd_m2: Array, lights: Lights) -> Arr
         near.cap,
         near.range_m,
         near.beam,
+        ALBEDO if streaks.flakes else 0.0,
     )
     return shine

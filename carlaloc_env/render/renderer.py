@@ -19,6 +19,7 @@ from carlaloc_env.render.shader_programs import give_back, take_programs
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.render.views import CameraView, check_quality
+from carlaloc_env.road.wheel_tracks import WheelTracks, no_tracks
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
 
@@ -43,6 +44,7 @@ class SceneRenderer:
         *,
         quality: str = "medium",
         lamps_m: ArrayLike | None = None,
+        tracks: Callable[[], WheelTracks] = no_tracks,
         albedo: NDArray[np.float16] | None = None,
         unit_m: float = 1.0,
     ) -> None:
@@ -53,6 +55,7 @@ class SceneRenderer:
             library: Movable models.
             quality: One of `QUALITIES`.
             lamps_m: Street lamps in the world [m], shape (K, 3).
+            tracks: Gives the lanes' wheel tracks, asked for when snow lies; none by default.
             albedo: Linear albedo and roughness of every material, shape (M, S, S, 4); the built-in
                 textures when left out.
             unit_m: Metres of the world in one unit of the geometry: a model of a town wears as the
@@ -84,6 +87,7 @@ class SceneRenderer:
                 scenery=self._geometry_pass.scenery,
                 library=library,
                 lamps_m=lamps,
+                tracks=tracks,
                 live=quality == "low",
             )
         self._closed = False
@@ -274,7 +278,7 @@ class SceneRenderer:
 
     def _read_ahead(self, gbuffer: GBuffer, weather: WeatherParameters) -> None:
         """Read back what shading needs, outside the context: an inner `with` would leave none current."""
-        if weather.is_night or weather.precipitation > 0.0:
+        if weather.is_night or weather.falls:
             gbuffer.shaded_depth_m()
         if weather.is_night:
             gbuffer.shaded_normal_codes()

@@ -22,8 +22,10 @@ from carlaloc_env.render.lighting.roof_heights import Roofs
 from carlaloc_env.render.lighting.shading_passes import Cover, ShadingPasses
 from carlaloc_env.render.lighting.shadow_maps import Shadows
 from carlaloc_env.render.lighting.skies import Skies
+from carlaloc_env.render.lighting.snow_map import SnowMap
 from carlaloc_env.render.lighting.uniforms import (
     MIRROR,
+    SNOW,
     Scene,
     bind_light,
     light_values,
@@ -31,10 +33,11 @@ from carlaloc_env.render.lighting.uniforms import (
     set_shadow_uniforms,
     set_view_uniforms,
 )
-from carlaloc_env.render.rain_drops import Streaks, lit, rain_streaks
+from carlaloc_env.render.rain_drops import Streaks, lit, streaks_before
 from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.shader_programs import Programs, set_uniforms
 from carlaloc_env.render.views import CameraView
+from carlaloc_env.road.wheel_tracks import WheelTracks
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
 
@@ -53,6 +56,7 @@ class Shader:
         scenery: StaticScene,
         library: ModelLibrary,
         lamps_m: Array,
+        tracks: Callable[[], WheelTracks],
         live: bool = False,
     ) -> None:
         """Make ready to shade.
@@ -63,6 +67,7 @@ class Shader:
             scenery: All of the static scene.
             library: Movable models.
             lamps_m: Street lamps [m], shape (K, 3).
+            tracks: Gives the lanes' wheel tracks, asked for when snow lies.
             live: Do with fewer shadow taps and without mirrors, for a live window.
         """
         self._context = context
@@ -76,6 +81,8 @@ class Shader:
         self._rain = RainLayer()
         self._mirror = Mirror(context, programs)
         self._roofs = Roofs(context, programs, scenery)
+        self._make_snow = lambda: SnowMap(context, programs, scenery, tracks())
+        self._snow: SnowMap | None = None
         self._skies = Skies(context)
         self._arrays: dict[int, moderngl.VertexArray] = {}
         self._outputs: dict[tuple[int, ...], tuple[moderngl.Texture, moderngl.Framebuffer]] = {}
@@ -108,7 +115,7 @@ class Shader:
         def finished() -> NDArray[np.uint8]:
             out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.uint8)
             texture.read_into(out)
-            if weather.precipitation > 0.0:
+            if weather.falls:
                 e = scene.sky.light.exposure
                 drops, shine = self._drops(scene, lights, exposure_time_s(e))
                 noise = (electrons(e), READ_NOISE_E) if weather.is_night else (0.0, 0.0)
@@ -128,7 +135,7 @@ class Shader:
         out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.float32)
         texture.read_into(out)
         e = scene.sky.light.exposure
-        if weather.precipitation > 0.0 and stamp_ns is not None:
+        if weather.falls and stamp_ns is not None:
             drops, shine = self._drops(scene, lights, exposure_time_s(e))
             self._rain.over_radiance(out, scene.view, scene.depth_m(), drops, shine * e)
         return out[..., :3] / np.float32(e)
@@ -169,6 +176,10 @@ class Shader:
         if scene.weather.is_night:
             grid = self._night.prepare(scene, self._depths_of(scene), noisy=not linear)
         values = light_values(scene, self._roofs)
+        if "SNOW" in features:
+            self._snow = self._snow or self._make_snow()
+            self._snow.texture.use(SNOW)
+            values["u_snow_frame"] = self._snow.frame(scene.view.position_m)
         bind_light(scene, self._roofs)
         if "MIRROR" in features:
             self._mirrored(scene, values).use(MIRROR)
@@ -207,6 +218,7 @@ class Shader:
             "OVERCAST": overcast,
             "ACTORS": sunny or overcast,
             "WET": wet,
+            "SNOW": weather.snow_cover > 0.0,
             "MIRROR": wet and not self._live,
             "FEW_TAPS": self._live,
             "NIGHT": weather.is_night,
@@ -225,9 +237,9 @@ class Shader:
         return self._mirror.draw(scene.gbuffer, features, prepare, self._triangle)
 
     def _drops(self, scene: Scene, lights: Lights, exposure_s: float) -> tuple[Streaks, Array]:
-        """Drops before a picture and their luminance [cd/m²], shape (N, 3)."""
+        """Drops or flakes before a picture and their luminance [cd/m²], shape (N, 3)."""
         view = scene.view
-        streaks = rain_streaks(
+        streaks = streaks_before(
             view,
             scene.weather,
             stamp_ns=scene.stamp_ns,
@@ -236,7 +248,8 @@ class Shader:
             exposure_time_s=exposure_s,
         )
         streaks = streaks.take(np.flatnonzero(self._roofs.open_sky(streaks.end_m + view.position_m)))
-        return streaks, lit(streaks, view.position_m, scene.sky.above_cd_m2, lights)
+        sky = scene.sky.round_cd_m2 if streaks.flakes else scene.sky.above_cd_m2
+        return streaks, lit(streaks, view.position_m, sky, lights)
 
     def _output(
         self, gbuffer: GBuffer, *, linear: bool, slot: int
@@ -267,6 +280,8 @@ class Shader:
         self._night.release()
         self._mirror.release()
         self._roofs.texture.release()
+        if self._snow is not None:
+            self._snow.texture.release()
 
 
 def _grain_key(view: CameraView, stamp_ns: int, seed: int) -> int:

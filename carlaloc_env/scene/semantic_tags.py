@@ -1,6 +1,7 @@
-"""Semantic tags of CARLA since 0.9.14, and their colours.
+"""Semantic tags of CARLA since 0.9.14 and one of snow, and their colours.
 
-The numbers are those of CARLA's ``Docs/ref_sensors.md`` and ``CityScapesPalette.h``.
+The numbers are those of CARLA's ``Docs/ref_sensors.md`` and ``CityScapesPalette.h``. Falling snow, which only
+LiDARs see as points, is ours.
 """
 
 from enum import IntEnum
@@ -41,6 +42,7 @@ class Tag(IntEnum):
     BRIDGE = 26
     RAIL_TRACK = 27
     GUARD_RAIL = 28
+    SNOW = 29
 
 
 PALETTE_RGB: NDArray[np.uint8] = np.array(
@@ -51,10 +53,11 @@ PALETTE_RGB: NDArray[np.uint8] = np.array(
         (0, 0, 70), (0, 60, 100), (0, 80, 100), (0, 0, 230), (119, 11, 32),
         (110, 190, 160), (170, 120, 50), (55, 90, 80), (45, 60, 150), (157, 234, 50),
         (81, 0, 81), (150, 100, 100), (230, 150, 140), (180, 165, 180),
+        (200, 230, 255),
     ],
     dtype=np.uint8,
 )  # fmt: skip
-"""Colour of each tag, sRGB 0–255, shape (29, 3)."""
+"""Colour of each tag, sRGB 0–255, shape (30, 3)."""
 
 DYNAMIC_TAGS = frozenset(
     {Tag.PEDESTRIAN, Tag.RIDER, Tag.CAR, Tag.TRUCK, Tag.BUS, Tag.TRAIN, Tag.MOTORCYCLE, Tag.BICYCLE}

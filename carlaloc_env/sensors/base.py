@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from carlaloc_env.raycast import RayScene
     from carlaloc_env.render.renderer import SceneRenderer
     from carlaloc_env.road.road_profile import RoughTable
+    from carlaloc_env.road.wheel_tracks import WheelTracks
     from carlaloc_env.scene.mesh import ModelLibrary
     from carlaloc_env.scene.signal_lenses import SignalLenses
     from carlaloc_env.weather.parameters import WeatherParameters
@@ -60,6 +61,9 @@ class World(Protocol):
     @property
     def roughness(self) -> RoughTable | None:
         """Waves and events of the roads that their meshes lack; None: there are none."""
+
+    def wheel_tracks(self) -> WheelTracks:
+        """Where wheels clear snow, made when first asked for."""
 
     def renderer(self) -> SceneRenderer:
         """The renderer of this town, made when first asked for."""

@@ -138,7 +138,7 @@ class CameraSensor(Camera):
 
     def _through_drops(self, rgb: NDArray[np.uint8], weather: Weather, stamp_ns: int) -> NDArray[np.uint8]:
         now, seed = weather.at(stamp_ns), self._world.seed
-        if now.precipitation <= 0.0:
+        if not now.falls:
             return rgb
         return with_lens_drops(rgb, now, stamp_ns=stamp_ns, seed=seed, camera=self.config.name)
 

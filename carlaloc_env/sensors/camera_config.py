@@ -190,7 +190,7 @@ class CameraConfig(SensorConfig):
     leaf_wind_mps: float = 0.0
     """Wind that sways leaves [m/s], the same in all weathers; LiDARs, events and flow see still leaves."""
     lens_drops: bool = False
-    """Whether drops cling to the lens while it rains."""
+    """Whether drops or flakes cling to the lens while it rains or snows."""
     outputs: tuple[str, ...] = ("rgb", "depth", "semantic")
     """Streams, of `OUTPUTS`; with ``flow`` all of them come one period late in a live run."""
     events: EventConfig = field(default_factory=EventConfig)

@@ -189,7 +189,7 @@ class LidarConfig(SensorConfig):
     dropoff_zero_intensity: float = 0.0
     """Fraction of points of no intensity that are lost, as CARLA's, 0.4 = its default."""
     weather: bool = False
-    """Whether fog, rain, spray and wet ground have effect; weak returns are dropped then."""
+    """Whether fog, rain, snow, spray and wet ground have effect; weak returns are dropped then."""
     ego_returns: bool = False
     """Whether hits on the ego's own body are reported; they always throw a shadow."""
     roof_rack: bool = False

@@ -287,7 +287,9 @@ def add_condition_options(
         metavar="FILE",
         help="weather, traffic, faults, stretch and seed of a .yaml file; later options override it",
     )
-    parser.add_argument("--lidar-weather", action="store_true", help="fog, rain and spray reach the LiDARs")
+    parser.add_argument(
+        "--lidar-weather", action="store_true", help="fog, rain, snow and spray reach the LiDARs"
+    )
     parser.add_argument(
         "--rig",
         default="paper",

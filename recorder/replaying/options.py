@@ -15,6 +15,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
+from carlaloc_env.weather.schedule import weather_of
 from recorder.dataset.layout import FORMATS, check_formats
 from recorder.writers.topic_profiles import profile_by_name
 
@@ -50,7 +51,7 @@ class ReplayOptions:
     preview: bool = True
     """Whether a film of each sequence is made."""
     lidar_weather: bool = False
-    """Whether fog, rain and spray reach the LiDARs; False: as in the rig."""
+    """Whether fog, rain, snow and spray reach the LiDARs; False: as in the rig."""
     faults: Faults = field(default_factory=Faults)
     """Faults of the sensors, which take the place of the rig's."""
 
@@ -111,6 +112,15 @@ def rig_of(config: ReplayOptions) -> SensorRig:
         return rig
     lidars = {s: replace(s, weather=True) for s in rig.sensors if isinstance(s, LidarConfig)}
     return replace(rig, sensors=tuple(lidars.get(s, s) for s in rig.sensors))  # type: ignore[call-overload]
+
+
+def snow_notes(config: ReplayOptions) -> list[str]:
+    """A note where a weather has snow that the LiDARs of the rig do not see."""
+    blind = [s.name for s in rig_of(config).sensors if isinstance(s, LidarConfig) and not s.weather]
+    weathers = [getattr(w, "weathers", (w,)) for w in map(weather_of, config.weathers)]
+    if not blind or not any(w.snowfall + w.snow_cover > 0.0 for row in weathers for w in row):
+        return []
+    return [f"{', '.join(blind)} sees no snow; add --lidar-weather for flakes and white ground"]
 
 
 def without_unwritten(rig: SensorRig, formats: Sequence[str], topics: str) -> SensorRig:

@@ -71,6 +71,12 @@ class LaneNetwork:
         """Road id → road number, as `surface` counts them."""
         return {road.id: n for n, road in enumerate(self.xodr.roads)}
 
+    @property
+    def driven_middles_m(self) -> Array:
+        """Middles of all driving lanes every half metre [m], (M, 3)."""
+        driven = np.array([lane.type == "driving" for lane in self.lanes], dtype=bool)
+        return np.asarray(self.tables.position_m[np.repeat(driven, self.tables.count)])
+
     @cached_property
     def broken_links(self) -> tuple[Note, ...]:
         """Links of the map that lead nowhere."""

@@ -17,6 +17,8 @@ _FULL = ("3f4 4f2 2f4 3f1 1u1 1u4", "in_position", "in_normal", "in_uv", "in_col
 """Layout of `VERTEX` and its attributes."""
 _BARE = ("3f4 24x", "in_position")
 """The same of the positions alone."""
+_BARE_MATERIAL = ("3f4 19x 1u1 4x", "in_position", "in_material")
+"""The same of positions and materials."""
 _POSES = ("4f4 4f4 4f4 4f1 1u4/i", "in_row0", "in_row1", "in_row2", "in_tint", "in_instance")
 """Layout of `instance_buffer.INSTANCE` and its attributes."""
 _BARE_POSES = ("4f4 4f4 4f4 8x/i", "in_row0", "in_row1", "in_row2")
@@ -61,7 +63,7 @@ class MeshBuffers:
         Args:
             program: Shaders.
             which: Ranges.
-            bare: Hand over nothing but positions.
+            bare: Hand over nothing but positions, and materials where the program heeds them.
             instances: Where the ranges stand; once where they are when left out.
             culler: Leaves triangles out that do not show, if the context draws on a CPU.
         """
@@ -93,7 +95,7 @@ class MeshBuffers:
     def _draw_once(self, program: moderngl.Program, corners: U32, commands: NDArray[np.uint32]) -> None:
         """Draw positions from a buffer that is not kept: a map of shadows serves for tens of metres."""
         indices = self._context.buffer(corners)
-        array = self._context.vertex_array(program, [(self.vertices, *_BARE)], indices)
+        array = self._context.vertex_array(program, [(self.vertices, *_bare(program))], indices)
         self._run(array, commands)
         array.release()
         indices.release()
@@ -138,7 +140,7 @@ class MeshBuffers:
     ) -> moderngl.VertexArray:
         key = (program.glo, indices.glo, 0 if instances is None else instances.buffer.glo)
         if key not in self._arrays:
-            content = [(self.vertices, *(_BARE if bare else _FULL))]
+            content = [(self.vertices, *(_bare(program) if bare else _FULL))]
             if instances is not None:
                 content.append((instances.buffer, *(_BARE_POSES if bare else _POSES)))
             self._arrays[key] = self._context.vertex_array(program, content, indices)
@@ -154,6 +156,10 @@ class MeshBuffers:
             self._indices.release()
         else:
             self._picked.release()
+
+
+def _bare(program: moderngl.Program) -> tuple[str, ...]:
+    return _BARE if program.get("in_material", None) is None else _BARE_MATERIAL
 
 
 def ranges(begin: NDArray[np.integer], end: NDArray[np.integer]) -> NDArray[np.int64]:

@@ -14,7 +14,12 @@ READ_NOISE_E = 2.0
 """Standard deviation of reading it [e⁻]."""
 
 
-def exposure(horizontal_lx: float) -> float:
+SNOW_VALUE, SNOW_NIGHT = 0.65, 0.7
+"""Picture value of level snow by day, a stop above a grey exposure as photographers have it; and the share of
+the exposure that lit snow leaves by night."""
+
+
+def exposure(horizontal_lx: float, snow_cover: float = 0.0, *, night: bool = False) -> float:
     """Picture value per luminance [m²/cd] of a fixed exposure for an illuminance of the ground [lx].
 
     ``1 / (1.2 · 2^EV100)`` (Lagarde and de Rousiers 2014). It belongs to the weather, not to the
@@ -22,7 +27,12 @@ def exposure(horizontal_lx: float) -> float:
     """
     log_lx = math.log10(max(horizontal_lx, 0.1))
     ev100 = float(np.interp(log_lx, [0.7, 1.5, 3.0, 4.0, 4.3, 4.9], [2.8, 4.0, 10.0, 12.8, 13.62, 13.5]))
-    return float(1.0 / (1.2 * 2.0**ev100))
+    bare = float(1.0 / (1.2 * 2.0**ev100))
+    if snow_cover <= 0.0:
+        return bare
+    # Level snow has the luminance 0.28 · E.
+    whole = SNOW_NIGHT if night else SNOW_VALUE / (0.28 * bare * horizontal_lx)
+    return float(bare * whole**snow_cover)
 
 
 def exposure_time_s(value_per_cd_m2: float) -> float:

@@ -19,10 +19,15 @@ from carlaloc_env.render.lighting.low_beam import (
 from carlaloc_env.render.lighting.mirror import SMEAR
 from carlaloc_env.render.lighting.uniforms import FOG_FLOOR_M
 from carlaloc_env.render.shader_programs import glsl
+from carlaloc_env.road.wheel_tracks import TRACK_HALF_M, TRACK_M
 from carlaloc_env.scene import mottle
+from carlaloc_env.weather import snow_patches
 
 TONE_SHOULDER, TONE_ROOM = 0.6, 0.4
 """Exposed light up to which the tone curve is straight, and what lies between it and white."""
+
+SNOW_WHITE, SNOW_SLUSH = (0.86, 0.88, 0.90), (0.56, 0.55, 0.54)
+"""Albedo of fresh snow (0.84 to 0.85 over the whole spectrum, more in the visible), and of driven snow."""
 
 
 def shader_constants() -> tuple[str, ...]:
@@ -48,6 +53,12 @@ def shader_constants() -> tuple[str, ...]:
         "MOTTLE_GAINS": mottle.GAINS,
         "MOTTLE_WEAR_PER_M": mottle.WEAR_PER_M,
         "MOTTLE_WEAR_SHIFT": mottle.WEAR_SHIFT,
+        "PATCH_COARSE": (snow_patches.COARSE_PER_M, snow_patches.COARSE_SHARE),
+        "PATCH_FINE": (snow_patches.FINE_PER_M, snow_patches.FINE_SHIFT),
+        "SNOW_WHITE": SNOW_WHITE,
+        "SNOW_SLUSH": SNOW_SLUSH,
+        "TRACK_M": TRACK_M,
+        "TRACK_HALF_M": TRACK_HALF_M,
         "TONE_SHOULDER": TONE_SHOULDER,
         "TONE_PER_ROOM": math.log2(math.e) / TONE_ROOM,
     }

@@ -38,6 +38,11 @@ class Sky:
         """Mean luminance over the upper half-sphere, weighted by height, shape (3,)."""
         return np.asarray(np.maximum(np.sum(self.polynomial[[0, 2, 6]], axis=0), 0.0) / np.pi)
 
+    @property
+    def round_cd_m2(self) -> Array:
+        """Mean luminance of a white ball, a quarter of which the sun lights, shape (3,)."""
+        return np.asarray((self.polynomial[0] + self.polynomial[6] / 3.0 + self.light.sun_lx / 4.0) / np.pi)
+
 
 class Skies:
     """Makes and keeps the skies of the weathers used last."""

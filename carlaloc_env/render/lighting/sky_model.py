@@ -14,6 +14,7 @@ from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.lighting.fixed_exposure import exposure
 from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.snowfall import extinction_per_m as snow_extinction_per_m
 
 SKY_SIZE_PX = 512
 """Edge length of the hemi-octahedral sky map [px]."""
@@ -25,6 +26,8 @@ SUN_MOST_CD_M2 = 120e3
 """Luminance at which the sun is cut [cd/m²]: several times what saturates a picture."""
 GROUND_ALBEDO = 0.18
 """Mean reflectance of the ground, which lights surfaces from below."""
+SNOW_ALBEDO = 0.75
+"""The same of ground under snow with cleared tracks: fresh snow has 0.85, aged 0.5 or more (CRHM, iSnobal)."""
 _XYZ_TO_RGB = (
     (3.2404542, -1.5371385, -0.4985314),
     (-0.9692660, 1.8760108, 0.0415560),
@@ -89,7 +92,8 @@ def sky_light(weather: WeatherParameters) -> SkyLight:
     sky = _night_sky(weather, directions) if night else _day_sky(weather, directions)
     diffuse_lx = np.sum(sky * (directions[..., 2:] * solid_angle_sr[..., None]), axis=(0, 1))
     horizontal_lx = diffuse_lx + sun_lx * max(float(sun[2]), 0.0)
-    ground = GROUND_ALBEDO * horizontal_lx / math.pi
+    albedo = GROUND_ALBEDO + (SNOW_ALBEDO - GROUND_ALBEDO) * weather.snow_cover
+    ground = albedo * horizontal_lx / math.pi
     return SkyLight(
         sky_cd_m2=sky,
         sun_cd_m2=_sun_seen(weather, directions, sun_lx),
@@ -98,7 +102,7 @@ def sky_light(weather: WeatherParameters) -> SkyLight:
         irradiance=_harmonics(sky, ground, directions, solid_angle_sr),
         ground_cd_m2=ground,
         fog_cd_m2=_fog(weather, sky, directions, diffuse_lx),
-        exposure=exposure(float(np.sum(horizontal_lx * _LUMA))),
+        exposure=exposure(float(np.sum(horizontal_lx * _LUMA)), weather.snow_cover, night=night),
     )
 
 
@@ -150,6 +154,8 @@ def _day_sky(weather: WeatherParameters, directions: Array) -> Array:
         share = weather.dust_storm / 100.0
         grey = (1 - share) * grey + share * np.array([1.15, 0.98, 0.68])
     overcast = zenith * (1.0 + 2.0 * directions[..., 2:]) / 3.0 * (grey / np.sum(grey * _LUMA))
+    # Snow lights the clouds from below, the more of them the lower one looks.
+    overcast += weather.snow_cover * 0.3 * zenith * (1.0 - directions[..., 2:])
     cover = _clouds(weather.cloudiness / 100.0, directions)[..., None]
     tops = (0.75 * overcast + 0.10 * _sun_lx(weather) / math.pi) * (0.8 + 0.4 * cover)
     # Towards the sun clouds shine through: they are never darker there than the bright air behind them.
@@ -160,7 +166,8 @@ def _day_sky(weather: WeatherParameters, directions: Array) -> Array:
 
 def _night_sky(weather: WeatherParameters, directions: Array) -> Array:
     """City sky: a warm grey that clouds and fog throw back, brighter near the horizon."""
-    glow = 0.03 + 0.24 * weather.overcast
+    # Snow throws up again what lamps throw down.
+    glow = (0.03 + 0.24 * weather.overcast) * (1.0 + 1.5 * weather.snow_cover)
     up = directions[..., 2:]
     cover = _clouds(weather.cloudiness / 100.0, directions)[..., None]
     warm = np.array([1.10, 1.0, 0.80])
@@ -260,7 +267,8 @@ def _fog(weather: WeatherParameters, sky: Array, directions: Array, diffuse_lx: 
     wall = np.sum(diffuse_lx * _LUMA) / math.pi * np.array([0.985, 0.995, 1.03])
     if weather.is_night:
         wall *= np.array([1.1, 1.0, 0.78]) * 1.1
-    thick = min(weather.fog_extinction_per_m / 0.01, 1.0)
+    white = weather.fog_extinction_per_m + snow_extinction_per_m(weather.snowfall)
+    thick = min(white / 0.01, 1.0)
     return np.asarray(weather.scattering_intensity * (horizon * (1 - thick) + wall * thick))
 
 

@@ -14,12 +14,13 @@ from carlaloc_env.render.lighting.skies import Sky
 from carlaloc_env.render.shader_programs import set_uniforms
 from carlaloc_env.render.views import CameraView
 from carlaloc_env.weather.parameters import WeatherParameters
+from carlaloc_env.weather.snow_patches import least_patch
 
 FOG_FLOOR_M = -50.0
 """Height below which fog grows no denser [m]."""
 RIPPLES_NS = 1_000_000_000_000
 """Period of the rings on puddles [ns]; shaders count time in single precision."""
-ALBEDO, NORMAL, SURFACE, DEPTH, SKY, STATIC, ACTORS, ROOFS, MIRROR, SHEEN = range(10)
+ALBEDO, NORMAL, SURFACE, DEPTH, SKY, STATIC, ACTORS, ROOFS, MIRROR, SHEEN, SNOW = range(11)
 """Slots of the textures."""
 
 
@@ -105,6 +106,8 @@ def light_values(scene: Scene, roofs: Roofs) -> dict[str, object]:
         "u_sun_light": tuple(light.sun_lx * (e / np.pi)),
         "u_ripples": ripples,
         "u_roofs_frame": roofs.frame(scene.view.position_m),
+        "u_snow_map": SNOW,
+        "u_snow_from": least_patch(weather.snow_cover),
         "u_wet": (weather.surface_wetness, 0.80 - 0.30 * weather.precipitation_deposits / 100.0),
     }
 

@@ -33,6 +33,11 @@ uniform vec2 u_wet;            // wetness 0..1, level of the puddles
 uniform float u_ripples;       // time of the ripples, 0 without rain
 uniform sampler2D u_mirror;    // what level ground mirrors of the scene, see mirror.frag
 #endif
+#ifdef SNOW
+uniform sampler2D u_snow_map;  // distance from the nearest lane's middle, its height, that of the highest roof [m]
+uniform vec4 u_snow_frame;     // its coordinates, as u_roofs_frame has them
+uniform float u_snow_from;     // patches of level ground above it are covered
+#endif
 #ifdef BEAMS
 // (1 - x²/32)^16, which is a normal curve but for its end and takes no exponential.
 float bell(float h, float v, vec2 centre, vec2 per_width) {
@@ -199,6 +204,40 @@ void main() {
     // Grains on the film, rings of drops on puddles.
     float grain = (noise(ground * 41.0 + u_ripples * 9.0 * water) - 0.5) * band(footprint, 41.0);
     n = normalize(n - vec3(direction.xy * (grain * mix(0.22 * soak, 0.05 * min(u_ripples, 1.0), water)), 0.0));
+#endif
+
+#ifdef SNOW
+    vec3 place = u_eye + offset;
+    vec3 above_lane = texture(u_snow_map, offset.xy * u_snow_frame.xy + u_snow_frame.zw).xyz;
+    float spread_m = length_m * length_m * 0.0011;
+    vec2 lumps = (vec2(noise(place.xy * 2.7), noise(place.xy * 2.7 + 31.7)) - 0.5) * band(spread_m, 2.7);
+    float fine = (noise(place.xy * 15.0) - 0.5) * band(spread_m, 15.0);
+    float narrow = (noise(place.xy * PATCH_FINE.x + PATCH_FINE.y) - 0.5) * band(spread_m, PATCH_FINE.x) + 0.5;
+    float patches = mix(narrow, noise(place.xy * PATCH_COARSE.x), PATCH_COARSE.y);
+    // Leaves carry heaps. Paint and glass are of things that move: a pattern of the world would slide on them.
+    bool leaf = abs(surface.y - 0.1) < 0.02 && abs(roughness - 0.5) < 0.1;
+    float still = smoothstep(0.0, 0.05, surface.y);
+    float heap = noise(place.xy * 2.3 + place.z * vec2(1.7, -2.1));
+    float lies = leaf ? smoothstep(0.42, 0.60, heap + 1.2 * (n.z - 0.96))
+        : smoothstep(0.45, 0.75, n.z + 0.25 * still * lumps.x);
+    lies *= smoothstep(u_snow_from - 0.04, u_snow_from + 0.04, mix(0.5, patches, still));
+    lies *= smoothstep(2.5, 1.2, above_lane.z - place.z) * smoothstep(0.082, 0.095, roughness);
+    // Wheels clear two tracks in each lane and leave slush round them; ploughs heap a bank beside the road.
+    float lane = abs(place.z - above_lane.y) < 0.4 ? above_lane.x : 9.0;
+    float ragged = 0.25 * lumps.x + 0.3 * (patches - 0.5);
+    float bare = smoothstep(TRACK_HALF_M + 0.12, TRACK_HALF_M - 0.10, abs(lane - TRACK_M) + ragged + 0.25 * fine) * 0.93;
+    float driven = smoothstep(1.75, 1.35, lane + 0.3 * lumps.y);
+    float bank = smoothstep(1.8, 2.1, lane) * smoothstep(3.0, 2.5, lane);
+    float slush = clamp(0.75 * driven + 0.5 * bank * (0.5 + lumps.y), 0.0, 1.0);
+    vec3 snow = mix(SNOW_WHITE, SNOW_SLUSH, slush) * (1.0 + 0.10 * fine + 0.05 * lumps.y);
+    // The road between is wet.
+    float wet = lies * bare;
+    albedo *= 1.0 - 0.4 * wet;
+    roughness = mix(roughness, 0.4, 0.8 * wet);
+    lies *= 1.0 - bare;
+    albedo = mix(albedo, snow, lies);
+    roughness = mix(roughness, 0.95, lies);
+    n = normalize(n + vec3(lumps * (lies * still * (0.04 + 0.5 * bank + 0.08 * driven)), 0.0));
 #endif
 
     // What lies below its surroundings sees less of the sky: foot of walls, courts, underpasses.

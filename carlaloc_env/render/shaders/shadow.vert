@@ -1,4 +1,7 @@
 in vec3 in_position;
+#ifdef NO_LEAVES
+in uint in_material;
+#endif
 #ifdef INSTANCED
 in vec4 in_row0;
 in vec4 in_row1;
@@ -16,4 +19,7 @@ void main() {
     vec3 world = in_position;
 #endif
     gl_Position = vec4(u_light * (world - u_origin), 1.0);
+#ifdef NO_LEAVES
+    gl_Position = in_material == NO_LEAVES ? vec4(0.0, 0.0, 2.0, 1.0) : gl_Position;
+#endif
 }

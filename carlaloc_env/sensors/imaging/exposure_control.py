@@ -92,7 +92,7 @@ class Imaging:
                 rows_ns = self._shutter.rows_ns(stamp_ns, exposure_s, self._shape[0])
                 ends = swept.first.imaged_cd_m2(now), swept.second.imaged_cd_m2(now)
                 light = exposed(*ends, swept.motion, swept.shares(rows_ns))
-            if now.precipitation > 0.0:
+            if now.falls:
                 # Drops fall across the motion of surfaces: they are drawn where the exposure ends.
                 light = draw(stamp_ns)[0].rained_cd_m2(
                     light, now, stamp_ns=stamp_ns, exposure_s=exposure_s, seed=self._seed

@@ -105,7 +105,7 @@ class Frame:
             exposure_s: Exposure time [s].
             seed: Seed of the rain.
         """
-        if weather.precipitation <= 0.0:
+        if not weather.falls:
             return light
         rain = self._renderer.rain_cd_m2(
             self._gbuffer, weather, stamp_ns=stamp_ns, exposure_s=exposure_s, seed=seed

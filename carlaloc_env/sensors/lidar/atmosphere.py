@@ -1,4 +1,4 @@
-"""Atmosphere of LiDAR echoes: fog, rain and wet ground as pure functions of range and power.
+"""Atmosphere of LiDAR echoes: fog, rain, snow and wet ground as pure functions of range and power.
 
 Powers are in the scale of LISA: a diffuse surface of reflectance ρ met at an angle θ at the distance R gives
 ρ·cosθ/R², and the weakest echo that is seen is that of a 90 % target at the longest range. Extinction is the
@@ -14,6 +14,8 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import MOR_CONTRAST, WeatherParameters
+from carlaloc_env.weather.snowfall import ALBEDO, intercept_per_m4, slope_per_m
+from carlaloc_env.weather.snowfall import extinction_per_m as snow_extinction_per_m
 
 BACKSCATTER_PER_MOR = 0.046
 """Backscatter of fog β [1/(m sr)] times its optical range [m] (Rasshofer et al. 2011; Hahner et al. 2021)."""
@@ -26,6 +28,10 @@ The form is that of Fang et al., "Intensity correction of terrestrial laser scan
 laser transmission function" (2015). The value is ours: in fog of 50 m, it lets bright targets be seen to
 the 26 m of LISA's rule. By the model of an HDL-64 of Bijelic et al., "Seeing through fog without seeing
 fog" (2020), points vanish there beyond 20 to 30 m. With the whole echo from 1 m on, they did at 12 m.
+"""
+FLAKE_FOCUS_M = 5.0
+"""The same distance for flakes [m], fitted: see docs/sensors.md.
+
 """
 WATER_REFLECTANCE = 0.0198
 """Reflectance of a drop's face, ((n − 1)/(n + 1))² with n = 1.328 at 905 nm."""
@@ -53,6 +59,8 @@ class Atmosphere:
     """Rain rate [mm/h]."""
     wetness: float
     """How wet the ground is, 0–1."""
+    snowfall: float = 0.0
+    """Rate of falling snow [mm/h of water]."""
 
 
 def atmosphere_at(weather: WeatherParameters, height_m: float) -> Atmosphere:
@@ -61,12 +69,13 @@ def atmosphere_at(weather: WeatherParameters, height_m: float) -> Atmosphere:
     fog = weather.fog_extinction_per_m * thinned
     rain = rain_extinction_per_m(weather.rain_mmph)
     total = fog + weather.uniform_extinction_per_m
-    haze = max(total - rain, 0.0)
+    haze = max(total - rain - snow_extinction_per_m(weather.snowfall), 0.0)
     return Atmosphere(
         extinction_per_m=total,
         backscatter_per_m_sr=BACKSCATTER_PER_MOR * haze / -float(elementary.log(MOR_CONTRAST)),
         rain_mmph=weather.rain_mmph,
         wetness=weather.surface_wetness,
+        snowfall=weather.snowfall,
     )
 
 
@@ -114,12 +123,13 @@ class FogEcho:
 
 
 class DropEcho:
-    """The strongest echo of all raindrops in a beam.
+    """The strongest echo of all raindrops or flakes of snow in a beam.
 
     A drop of diameter D at r sends back ρ_w·exp(−2αr)·min((D/D_beam)², 1)/r² (Goodin et al. 2019;
     Kilic et al., "LISA", 2021). The number of drops whose echo exceeds p is Poisson distributed with a
     mean Λ(p), so the strongest has the distribution exp(−Λ(p)): one number per ray replaces the
-    thousands of drops of each beam.
+    thousands of drops of each beam. A flake throws back its `ALBEDO` in place of ρ_w, and its echo is out of
+    focus near by.
     """
 
     def __init__(
@@ -131,16 +141,21 @@ class DropEcho:
         power_min: float,
         range_limit_m: float = 60.0,
     ) -> None:
-        slope_per_m = 4100.0 * elementary.power(air.rain_mmph, -0.21)
+        flakes = air.snowfall > 0
+        reflectance = ALBEDO if flakes else WATER_REFLECTANCE
+        density = intercept_per_m4(air.snowfall) if flakes else DROP_DENSITY_PER_M4
+        slope = slope_per_m(air.snowfall) if flakes else 4100.0 * elementary.power(air.rain_mmph, -0.21)
         r = np.linspace(max(range_min_m, 0.5), range_limit_m, 1200)
         radius = r * elementary.tan(0.5 * divergence_rad)
         volume = math.pi * radius * radius * (r[1] - r[0])
-        fade = WATER_REFLECTANCE * elementary.exp(-2 * air.extinction_per_m * r) / r**2
+        fade = reflectance * elementary.exp(-2 * air.extinction_per_m * r) / r**2
+        if flakes:
+            fade *= 1.0 - elementary.exp(-((r / FLAKE_FOCUS_M) ** 2))
         weakest, strongest = elementary.log(0.02 * power_min), elementary.log(fade.max())
         self.power = elementary.exp(np.linspace(weakest, strongest, 240))
         least = 2 * radius * np.sqrt(np.minimum(self.power[:, None] / fade, 1.0))
-        larger = elementary.exp(-slope_per_m * np.maximum(least, DROP_MIN_M))
-        many = DROP_DENSITY_PER_M4 / slope_per_m * larger
+        larger = elementary.exp(-slope * np.maximum(least, DROP_MIN_M))
+        many = density / slope * larger
         many = np.where(self.power[:, None] <= fade, many, 0.0) * volume
         self.expected = np.sum(many, axis=1)
         """Mean number of drops in a beam with a stronger echo than each of `power`."""

@@ -1,6 +1,6 @@
 """Intensity of LiDAR echoes: strength of surfaces, drop-off, and echoes of the weather.
 
-Weather echoes of LiDAR beams: the strongest of surface, fog, raindrop and spray.
+Weather echoes of LiDAR beams: the strongest of surface, fog, raindrop or flake, and spray.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.scene.materials import material_values
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS, Atmosphere, DropEcho, FogEcho, wet_reflectance
 from carlaloc_env.sensors.lidar.kernels import strengths
 from carlaloc_env.sensors.lidar.reflection import echo_power, reflection_table
@@ -24,6 +25,8 @@ from carlaloc_env.sensors.lidar.reflection import echo_power, reflection_table
 if TYPE_CHECKING:
     from carlaloc_env.sensors.lidar_config import LidarConfig
 
+SURFACE = 255
+"""Stands for the tag of a surface among echoes."""
 BEAM_MRAD = 3.0
 """Width of a beam whose divergence is not given [mrad] (HDL-32E: 2.79 × 1.4)."""
 _WISP = 0.5
@@ -63,7 +66,7 @@ def strongest_echoes(
     white: float = 100.0,
     spray_m: Array | None,
     uniform: Array,
-) -> tuple[Array, NDArray[np.float32], NDArray[np.bool_]]:
+) -> tuple[Array, NDArray[np.float32], NDArray[np.uint8]]:
     """Strongest echo of every beam.
 
     Args:
@@ -77,7 +80,8 @@ def strongest_echoes(
         uniform: Uniform draws of (0, 1], shape (N, 6).
 
     Returns:
-        Distances [m], inf where no echo is seen, intensities 0–255, and whether it came from the air.
+        Distances [m], inf where no echo is seen, intensities 0–255, and the tags of echoes of the air:
+        `SURFACE` for all others.
     """
     surface_m, alpha = solid.range_m, air.extinction_per_m
     fade = elementary.exp(-2.0 * alpha * surface_m)
@@ -88,11 +92,11 @@ def strongest_echoes(
         change[ground] = wet_reflectance(dry, solid.cos_incidence[ground], air.wetness) / dry
     best = solid.power * change * fade / (surface_m * surface_m)
     echo_hits_m, strength = surface_m.copy(), solid.intensity * change * fade
-    airborne = np.zeros(len(surface_m), dtype=np.bool_)
+    tags = np.full(len(surface_m), SURFACE, np.uint8)
 
-    def offer(power: Array, at_m: Array, brightness_m: Array) -> None:
+    def offer(power: Array, at_m: Array, brightness_m: Array, tag: Tag = Tag.UNLABELED) -> None:
         wins = np.flatnonzero((power > best) & (at_m < surface_m) & (at_m >= range_min_m))
-        best[wins], echo_hits_m[wins], airborne[wins] = power[wins], at_m[wins], True
+        best[wins], echo_hits_m[wins], tags[wins] = power[wins], at_m[wins], tag
         strength[wins] = white * power[wins] * brightness_m[wins] * brightness_m[wins]
 
     if air.backscatter_per_m_sr > 0:
@@ -102,17 +106,17 @@ def strongest_echoes(
         # As bright as a surface where the fog's echo peaks, wherever the wisp is.
         peaks_m = np.full(len(surface_m), fog.peak_m)
         offer(fog.strongest(surface_m) * wisp, fog.draw(surface_m, uniform[:, 2]), peaks_m)
-    if air.rain_mmph > 0:
+    if air.rain_mmph > 0 or air.snowfall > 0:
         drops = _drop_echo(air, divergence_rad=beam_rad, range_min_m=range_min_m, power_min=power_min)
         power, at_m = drops.draw(uniform[:, 3:5])
-        offer(power, at_m, at_m)
+        offer(power, at_m, at_m, Tag.SNOW if air.snowfall > 0 else Tag.UNLABELED)
     if spray_m is not None:
         caught = np.isfinite(spray_m)
         away = np.where(caught, spray_m, 1.0)
         echo = _SPRAY_REFLECTANCE * elementary.exp(-2.0 * alpha * away) / (away * away)
         offer(np.where(caught, echo, 0.0), away, away)
     echo_hits_m[best < power_min] = np.inf
-    return echo_hits_m, np.clip(strength, 0.0, 255.0).astype(np.float32), airborne
+    return echo_hits_m, np.clip(strength, 0.0, 255.0).astype(np.float32), tags
 
 
 class EchoModel:
@@ -169,7 +173,7 @@ class EchoModel:
     ) -> tuple[Index, Hits, F32]:
         """Echoes of N hits in an atmosphere: the strongest of each ray, with its intensity.
 
-        Echoes of fog, drops and spray have no tag and no instance.
+        Echoes of flakes are tagged as snow; those of fog, drops and spray have no tag. None has an instance.
 
         Args:
             hits: First surfaces.
@@ -189,7 +193,7 @@ class EchoModel:
             reflectance=np.where(ground, self._reflectance[hits.material], 0.0).astype(np.float64),
             cos_incidence=hits.cos_incidence.astype(np.float64),
         )
-        echo_m, intensity, airborne = strongest_echoes(
+        echo_m, intensity, tags = strongest_echoes(
             air,
             echoes,
             beam_rad=1e-3 * (config.divergence_mrad or BEAM_MRAD),
@@ -201,8 +205,9 @@ class EchoModel:
         )
         seen = np.flatnonzero(np.isfinite(echo_m))
         echo_hits = hits.take(seen)
-        soft = np.flatnonzero(airborne[seen])
+        soft = np.flatnonzero(tags[seen] != SURFACE)
         echo_hits.put(soft, Hits.none(len(soft)))
         echo_hits.range_m[:] = echo_m[seen]
+        echo_hits.tag[soft] = tags[seen[soft]]
         echo_hits.cos_incidence[soft] = 1.0
         return seen, echo_hits, intensity[seen]

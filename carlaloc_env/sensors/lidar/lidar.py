@@ -18,8 +18,9 @@ from carlaloc_env.core import clock
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Sensor, World
-from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at
+from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS, atmosphere_at
 from carlaloc_env.sensors.lidar.doppler import range_rates
 from carlaloc_env.sensors.lidar.intensity import EchoModel
 from carlaloc_env.sensors.lidar.kernels import (
@@ -29,6 +30,7 @@ from carlaloc_env.sensors.lidar.kernels import (
 )
 from carlaloc_env.sensors.lidar.receiver import Receiver
 from carlaloc_env.sensors.lidar.scan_pattern import Cast, ScanPattern
+from carlaloc_env.sensors.lidar.snow_cover import under_snow
 from carlaloc_env.sensors.lidar.spray import spray_ranges
 from carlaloc_env.sensors.lidar_config import OUTPUTS, LidarConfig
 from carlaloc_env.sensors.stochastic_processes import white_noise
@@ -190,13 +192,26 @@ class LidarSensor(Sensor):
         assert config.receiver
         if self._receiver is None or self._receiver.seed != seed:
             self._receiver = Receiver(config, config.receiver, seed)
-        ring = cast.sweep.ring[cast.rays]
+        # A flake fills too little of the beam for its echo to decide on the power of the next shot.
+        solid = np.flatnonzero(cast.hits.tag != Tag.SNOW)
+        rays = cast.rays[solid]
         hiss = white_noise(seed, f"{config.name}/echo", stamp_ns, config.rays)
-        drawn = np.stack([noise[cast.rays], hiss[cast.rays]])
-        range_m, measured = self._receiver.measure(ring, cast.hits, cast.share, cast.relief_m, drawn)
+        drawn = np.stack([noise[rays], hiss[rays]])
+        surfaces = cast.hits.take(solid), cast.share[solid], cast.relief_m[solid]
+        range_m = (cast.hits.range_m + config.receiver.weak_noise_m * noise[cast.rays]).astype(np.float32)
+        measured = np.zeros(len(range_m), np.float32)
+        range_m[solid], measured[solid] = self._receiver.measure(cast.sweep.ring[rays], *surfaces, drawn)
         # Weather has decided on intensities already.
         seen = np.rint(intensity) if config.weather else measured
         return dataclasses.replace(cast.hits, range_m=range_m), seen
+
+    def _under_snow(self, timeline: Timeline, stamp_ns: int, cast: Cast, weather: WeatherParameters) -> Hits:
+        """What rays meet, with snow on the ground."""
+        hits = cast.hits
+        rows = np.flatnonzero(np.isin(hits.tag, GROUND_TAGS) & np.isfinite(hits.range_m))
+        aimed = self._pattern.aimed(timeline, stamp_ns, cast.sweep, cast.rays[rows])
+        points_m = aimed[:, :3] + hits.range_m[rows, None] * aimed[:, 3:] + self._world.rays().middle_m
+        return under_snow(hits, rows, points_m, self._world.wheel_tracks(), weather.snow_cover)
 
     def _in_weather(
         self, timeline: Timeline, stamp_ns: int, cast: Cast, weather: WeatherParameters
@@ -206,6 +221,8 @@ class LidarSensor(Sensor):
         air = atmosphere_at(weather, float(config.mount.T_base_sensor[2, 3]))
         drawn = clock.stream(self._world.seed, f"{config.name}/air", stamp_ns).random((config.rays, 6))
         uniform = (1.0 - drawn)[rays]
+        if weather.snow_cover > 0.0:
+            hits = self._under_snow(timeline, stamp_ns, cast, weather)
         spray = None
         if air.wetness > 0 and len(timeline.catalog):
             aimed = self._pattern.aimed(timeline, stamp_ns, cast.sweep, rays)

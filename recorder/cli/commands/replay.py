@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from carlaloc_env.rigs.notes import rig_notes
     from recorder.episode.episode import Episode
     from recorder.replaying.cost import size_of
-    from recorder.replaying.options import ReplayConfig, rig_of
+    from recorder.replaying.options import ReplayConfig, rig_of, snow_notes
     from recorder.replaying.replay import replay
     from recorder.replaying.start_at_rest import motion_at_start_of
 
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         cost.check(config.out, kept_bytes=size_of(config.out))
         announced(cost)
         if not known:
-            for note in rig_notes(rig_of(config)):
+            for note in (*rig_notes(rig_of(config)), *snow_notes(config)):
                 announced(f"note: {note}")
         if not known and (
             note := motion_at_start_of(Episode.load(config.episode).timeline(), config.start_s)

@@ -21,7 +21,7 @@ from carlaloc_env.render.lighting.light_sources import (
 )
 from carlaloc_env.render.lighting.low_beam import low_beam_cd
 from carlaloc_env.render.lighting.sky_model import sky_light
-from carlaloc_env.render.rain_drops import NEAR_M, SIZES_MM, Streaks, lit, rain_streaks, terminal_mps
+from carlaloc_env.render.rain_drops import NEAR_M, SIZES_MM, Streaks, lit, streaks_before, terminal_mps
 from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.views import CameraView
 from carlaloc_env.scene.materials import Material
@@ -40,7 +40,7 @@ RAIN = WeatherParameters(precipitation=60.0, wind_intensity=40.0)
 def fall(
     stamp_ns: int, T: NDArray[np.float64] = FORWARD, weather: WeatherParameters = RAIN, seed: int = 3
 ) -> Streaks:
-    return rain_streaks(
+    return streaks_before(
         CameraView.of(CAMERA, T),
         weather,
         stamp_ns=stamp_ns,

@@ -13,6 +13,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.road.wheel_tracks import no_tracks
 from carlaloc_env.samples import DepthImage, Image, SemanticImage
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
@@ -40,6 +41,7 @@ class SmallWorld:
         self.geo = GeoReference(latitude_deg=49.0, longitude_deg=8.4, height_m=115.0)
         self.weather = PRESETS["ClearNoon"]
         self.roughness = None
+        self.wheel_tracks = no_tracks
         lens = Scenery.box((0, -0.15, -0.15), (0.02, 0.15, 0.15), Material.LAMP_RED, Tag.TRAFFIC_LIGHT)
         self.library = ModelLibrary(
             {

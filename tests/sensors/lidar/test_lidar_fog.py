@@ -19,7 +19,7 @@ from carlaloc_env.sensors.lidar.atmosphere import (
     FogEcho,
     atmosphere_at,
 )
-from carlaloc_env.sensors.lidar.intensity import SolidEchoes, strongest_echoes
+from carlaloc_env.sensors.lidar.intensity import SURFACE, SolidEchoes, strongest_echoes
 from carlaloc_env.weather.parameters import WeatherParameters
 
 pytest.importorskip("open3d", reason="open3d is not installed")
@@ -66,7 +66,7 @@ def test_reach_in_fog_is_the_published_curve(alpha: float, rho: float) -> None:
         reflectance=np.zeros(len(at)), cos_incidence=np.ones(len(at)),
     )  # fmt: skip
     air = Atmosphere(extinction_per_m=alpha, backscatter_per_m_sr=0.0, rain_mmph=0.0, wetness=0.0)
-    place, intensity, airborne = strongest_echoes(
+    place, intensity, tags = strongest_echoes(
         air,
         solid,
         beam_rad=3e-3,
@@ -75,7 +75,7 @@ def test_reach_in_fog_is_the_published_curve(alpha: float, rho: float) -> None:
         spray_m=None,
         uniform=np.ones((len(at), 6)),
     )
-    assert not airborne.any()
+    assert np.all(tags == SURFACE)
     assert at[np.isfinite(place)].max() == pytest.approx(REACH_IN_FOG[alpha, rho], abs=0.7)
     assert intensity == pytest.approx(100 * rho * np.exp(-2 * alpha * at), rel=1e-5)
 

@@ -13,6 +13,7 @@ from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.road.road_profile import RoughTable
+from carlaloc_env.road.wheel_tracks import no_tracks
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -49,6 +50,7 @@ class BoxWorld:
         self.weather = PRESETS["ClearNoon"]
         self.lenses = SignalLenses()
         self.roughness: RoughTable | None = None
+        self.wheel_tracks = no_tracks
         self._rays: Any = None
         self._renderer: Any = None
 
