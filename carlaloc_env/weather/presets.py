@@ -49,7 +49,7 @@ PRESETS: dict[str, WeatherParameters] = {
     "SnowyNight": _row(100, 0, 0, 20, -1, -90, 2, 0.75, 0.1, 0, 1, 0.03, 0.0331, 0, 1, 1),
     "WinterNoon": _row(15, 0, 0, 10, -1, 12, 2, 0.75, 0.1, 0, 1, 0.03, 0.0331, 0, 0, 1),
 }
-"""All weathers by name: CARLA's presets, the paper's own two, FoggyNoon and RainyNight, and three of winter."""
+"""All weathers by name: CARLA's presets, the paper's FoggyNoon and RainyNight, and three of winter."""
 
 
 def weather_by_name(name: str) -> WeatherParameters:

@@ -1,8 +1,8 @@
 """Falling snow: how many flakes of which size, how fast they fall and how much light they take away.
 
 One law for cameras and LiDARs. The sizes of Gunn and Marshall, "The distribution with size of aggregate
-snowflakes" (J. Meteorol. 15, 1958), are diameters of melted flakes: N₀ = 3.8·10³·S^−0.87 1/(m³ mm) and a slope
-of 2.55·S^−0.48 1/mm at S mm/h of water. A flake of 0.1 g/cm³ is 10^(1/3) times as wide as the drop it melts to.
+snowflakes" (J. Meteorol. 15, 1958), are diameters of melted flakes: N₀ = 3.8·10³·S^−0.87 1/(m³ mm) and a
+slope of 2.55·S^−0.48 1/mm at S mm/h of water. A flake of 0.1 g/cm³ is 10^(1/3) times as wide as its drop.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ SUN_MOST_CD_M2 = 120e3
 GROUND_ALBEDO = 0.18
 """Mean reflectance of the ground, which lights surfaces from below."""
 SNOW_ALBEDO = 0.75
-"""The same of ground under snow with cleared tracks: fresh snow has 0.85, aged 0.5 or more (CRHM, iSnobal)."""
+"""The same of ground under snow with cleared tracks: fresh snow has 0.85, aged 0.5 at least (CRHM)."""
 _XYZ_TO_RGB = (
     (3.2404542, -1.5371385, -0.4985314),
     (-0.9692660, 1.8760108, 0.0415560),

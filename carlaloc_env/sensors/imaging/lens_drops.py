@@ -25,8 +25,8 @@ def with_lens_drops(
     """The picture as seen through drops that cling to the lens and slide down.
 
     A drop is a small lens: it shows the scene upside down and smaller. A flake is a white pane: it shows the
-    mean of the picture's upper half, and melts into a drop that stays where it is. Where they are follows from
-    seed, camera and time alone, so both eyes differ and any picture can be made alone.
+    mean of the picture's upper half, and melts into a drop that stays where it is. Where they are follows
+    from seed, camera and time alone, so both eyes differ and any picture can be made alone.
 
     Args:
         rgb: Picture, sRGB, shape (H, W, 3).

@@ -1,4 +1,4 @@
-"""Snow in pictures: flakes as counted, and cover where it lies: in the open, on level ground, off the tracks."""
+"""Snow in pictures: flakes as counted, and cover in the open, on level ground, off the wheel tracks."""
 
 import math
 from dataclasses import replace
@@ -55,7 +55,7 @@ def test_as_many_flakes_as_the_law_has(snowfall: float) -> None:
 
 
 def test_a_flake_is_a_white_ball() -> None:
-    """Lamps behind the eye light it 8/3 times as strongly as a ball that scatters evenly, from beside 8/(3π)."""
+    """Straight back it throws 8/3 of what a ball that scatters evenly throws, to the side 8/(3π)."""
     flake = Streaks(
         end_m=np.array([[6.0, 0.0, -5.0]]), begin_m=np.array([[6.0, 0.0, -5.0]]),
         diameter_m=np.array([4e-3]), flakes=True,
