@@ -29,12 +29,10 @@ laser transmission function" (2015). The value is ours: in fog of 50 m, it lets 
 the 26 m of LISA's rule. By the model of an HDL-64 of Bijelic et al., "Seeing through fog without seeing
 fog" (2020), points vanish there beyond 20 to 30 m. With the whole echo from 1 m on, they did at 12 m.
 """
-FLAKE_FOCUS_M = 5.0
-"""The same distance for flakes [m], fitted: see docs/sensors.md.
-
-"""
 WATER_REFLECTANCE = 0.0198
 """Reflectance of a drop's face, ((n − 1)/(n + 1))² with n = 1.328 at 905 nm."""
+FLAKE_REFLECTANCE = 2.0 / 3.0 * ALBEDO
+"""Reflectance of a flake's disc: of a diffuse ball, light behind the eye leaves two thirds of a flat disc's."""
 DROP_DENSITY_PER_M4 = 8e6
 """N₀ of Marshall and Palmer, "The distribution of raindrops with size" (1948) [1/m⁴]."""
 DROP_MIN_M = 0.05e-3
@@ -128,8 +126,8 @@ class DropEcho:
     A drop of diameter D at r sends back ρ_w·exp(−2αr)·min((D/D_beam)², 1)/r² (Goodin et al. 2019;
     Kilic et al., "LISA", 2021). The number of drops whose echo exceeds p is Poisson distributed with a
     mean Λ(p), so the strongest has the distribution exp(−Λ(p)): one number per ray replaces the
-    thousands of drops of each beam. A flake throws back its `ALBEDO` in place of ρ_w, and its echo is out of
-    focus near by.
+    thousands of drops of each beam. Of flakes, which fill more of a near beam, the detector's focus counts, too:
+    with that of the fog's echo, their share, ranges and intensities are those of real snow (docs/sensors.md).
     """
 
     def __init__(
@@ -142,7 +140,7 @@ class DropEcho:
         range_limit_m: float = 60.0,
     ) -> None:
         flakes = air.snowfall > 0
-        reflectance = ALBEDO if flakes else WATER_REFLECTANCE
+        reflectance = FLAKE_REFLECTANCE if flakes else WATER_REFLECTANCE
         density = intercept_per_m4(air.snowfall) if flakes else DROP_DENSITY_PER_M4
         slope = slope_per_m(air.snowfall) if flakes else 4100.0 * elementary.power(air.rain_mmph, -0.21)
         r = np.linspace(max(range_min_m, 0.5), range_limit_m, 1200)
@@ -150,7 +148,7 @@ class DropEcho:
         volume = math.pi * radius * radius * (r[1] - r[0])
         fade = reflectance * elementary.exp(-2 * air.extinction_per_m * r) / r**2
         if flakes:
-            fade *= 1.0 - elementary.exp(-((r / FLAKE_FOCUS_M) ** 2))
+            fade *= 1.0 - elementary.exp(-((r / FOCUS_M) ** 2))
         weakest, strongest = elementary.log(0.02 * power_min), elementary.log(fade.max())
         self.power = elementary.exp(np.linspace(weakest, strongest, 240))
         least = 2 * radius * np.sqrt(np.minimum(self.power[:, None] / fade, 1.0))
