@@ -215,7 +215,7 @@ void main() {
     float narrow = (noise(place.xy * PATCH_FINE.x + PATCH_FINE.y) - 0.5) * band(spread_m, PATCH_FINE.x) + 0.5;
     float patches = mix(narrow, noise(place.xy * PATCH_COARSE.x), PATCH_COARSE.y);
     // Leaves carry heaps. Paint and glass are of things that move: a pattern of the world would slide on them.
-    bool leaf = abs(surface.y - 0.1) < 0.02 && abs(roughness - 0.5) < 0.1;
+    bool leaf = abs(surface.y - 0.1) < 0.02 && roughness > 0.9;
     float still = smoothstep(0.0, 0.05, surface.y);
     float heap = noise(place.xy * 2.3 + place.z * vec2(1.7, -2.1));
     float lies = leaf ? smoothstep(0.42, 0.60, heap + 1.2 * (n.z - 0.96))
@@ -230,9 +230,9 @@ void main() {
     float bank = smoothstep(1.8, 2.1, lane) * smoothstep(3.0, 2.5, lane);
     float slush = clamp(0.75 * driven + 0.5 * bank * (0.5 + lumps.y), 0.0, 1.0);
     vec3 snow = mix(SNOW_WHITE, SNOW_SLUSH, slush) * (1.0 + 0.10 * fine + 0.05 * lumps.y);
-    // The road between is wet.
+    // The road between is wet, and its paint is dirty.
     float wet = lies * bare;
-    albedo *= 1.0 - 0.4 * wet;
+    albedo = mix(albedo, min(0.6 * albedo, vec3(0.16)), wet);
     roughness = mix(roughness, 0.4, 0.8 * wet);
     lies *= 1.0 - bare;
     albedo = mix(albedo, snow, lies);

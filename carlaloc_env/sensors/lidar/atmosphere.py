@@ -32,7 +32,7 @@ fog" (2020), points vanish there beyond 20 to 30 m. With the whole echo from 1 m
 WATER_REFLECTANCE = 0.0198
 """Reflectance of a drop's face, ((n − 1)/(n + 1))² with n = 1.328 at 905 nm."""
 FLAKE_REFLECTANCE = 2.0 / 3.0 * ALBEDO
-"""Reflectance of a flake's disc: of a diffuse ball, light behind the eye leaves two thirds of a flat disc's."""
+"""Reflectance of a flake: lit from where one looks, a diffuse ball has two thirds of a flat disc's."""
 DROP_DENSITY_PER_M4 = 8e6
 """N₀ of Marshall and Palmer, "The distribution of raindrops with size" (1948) [1/m⁴]."""
 DROP_MIN_M = 0.05e-3
@@ -126,8 +126,8 @@ class DropEcho:
     A drop of diameter D at r sends back ρ_w·exp(−2αr)·min((D/D_beam)², 1)/r² (Goodin et al. 2019;
     Kilic et al., "LISA", 2021). The number of drops whose echo exceeds p is Poisson distributed with a
     mean Λ(p), so the strongest has the distribution exp(−Λ(p)): one number per ray replaces the
-    thousands of drops of each beam. Of flakes, which fill more of a near beam, the detector's focus counts, too:
-    with that of the fog's echo, their share, ranges and intensities are those of real snow (docs/sensors.md).
+    thousands of drops of each beam. Of flakes, which fill more of a near beam, the detector's focus counts,
+    too: with `FOCUS_M`, their share, ranges and intensities are those of real snow (docs/sensors.md).
     """
 
     def __init__(

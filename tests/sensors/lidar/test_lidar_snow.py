@@ -82,7 +82,8 @@ def test_ground_is_white_but_in_wheel_tracks_and_keeps_its_labels(scenery: Any) 
     share = white.intensity / np.maximum(white.cos_incidence, 0.01)
     assert share[verge].mean() == pytest.approx(80.0, rel=0.02)
     assert share[track].mean() < 40.0
-    assert white.tag is not None and bare.tag is not None
+    assert white.tag is not None
+    assert bare.tag is not None
     assert set(white.tag.tolist()) == set(bare.tag.tolist())
 
 
