@@ -2,6 +2,7 @@
 
 import weakref
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import moderngl
@@ -81,7 +82,8 @@ class Shader:
         self._rain = RainLayer()
         self._mirror = Mirror(context, programs)
         self._roofs = Roofs(context, programs, scenery)
-        self._make_snow = lambda: SnowMap(context, programs, scenery, tracks())
+        self._make_snow = partial(SnowMap, context, programs, scenery)
+        self._tracks = tracks
         self._snow: SnowMap | None = None
         self._skies = Skies(context)
         self._arrays: dict[int, moderngl.VertexArray] = {}
@@ -177,7 +179,7 @@ class Shader:
             grid = self._night.prepare(scene, self._depths_of(scene), noisy=not linear)
         values = light_values(scene, self._roofs)
         if "SNOW" in features:
-            self._snow = self._snow or self._make_snow()
+            self._snow = self._snow or self._make_snow(self._tracks())
             self._snow.texture.use(SNOW)
             values["u_snow_frame"] = self._snow.frame(scene.view.position_m)
         bind_light(scene, self._roofs)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carlaloc_env.core.array_types import F32, Array
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.point_tree import point_tree
 
 CELL_MIN_M, MOST_CELLS = 0.4, 2048
@@ -72,7 +72,7 @@ def no_tracks() -> WheelTracks:
     return WheelTracks(low_m=np.zeros(2), cell_m=1.0, lanes=lanes)
 
 
-def _uppermost(middles_m: Array) -> Array:
+def _uppermost(middles_m: Array) -> Index:
     """Rows of middles that no other lane crosses above, shape (M,)."""
     cell = np.floor(middles_m[:, :2] / 2.0).astype(np.int64)
     _, of = np.unique(cell, axis=0, return_inverse=True)

@@ -13,7 +13,7 @@ from carlaloc_env.core import elementary
 
 DENSITY_GPCM3 = 0.1
 """Density of flakes [g/cm³]: 0.01 to 0.2 are observed (Hahner et al., "LiDAR snowfall simulation", 2022)."""
-SWELLING = (1.0 / DENSITY_GPCM3) ** (1.0 / 3.0)
+SWELLING = float(elementary.power(1.0 / DENSITY_GPCM3, 1.0 / 3.0))
 """Diameter of a flake over that of its drop."""
 ALBEDO = 0.9
 """Share of the light that a flake throws back, in the visible and at 905 nm (Hahner et al. 2022)."""
@@ -50,4 +50,4 @@ def extinction_per_m(snowfall: float) -> float:
 
 def fall_mps(diameter_mm: float) -> float:
     """Speed of a falling aggregate of dendrites [m/s] (Locatelli and Hobbs, J. Geophys. Res. 79, 1974)."""
-    return 0.8 * diameter_mm**0.16
+    return 0.8 * float(elementary.power(diameter_mm, 0.16))

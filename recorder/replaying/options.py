@@ -15,7 +15,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
-from carlaloc_env.weather.schedule import weather_of
+from carlaloc_env.weather.schedule import WeatherSchedule, weather_of
 from recorder.dataset.layout import FORMATS, check_formats
 from recorder.writers.topic_profiles import profile_by_name
 
@@ -117,10 +117,12 @@ def rig_of(config: ReplayOptions) -> SensorRig:
 def snow_notes(config: ReplayOptions) -> list[str]:
     """A note where a weather has snow that the LiDARs of the rig do not see."""
     blind = [s.name for s in rig_of(config).sensors if isinstance(s, LidarConfig) and not s.weather]
-    weathers = [getattr(w, "weathers", (w,)) for w in map(weather_of, config.weathers)]
-    if not blind or not any(w.snowfall + w.snow_cover > 0.0 for row in weathers for w in row):
+    asked = [weather_of(w) for w in config.weathers]
+    rows = [w.weathers if isinstance(w, WeatherSchedule) else (w,) for w in asked]
+    if not blind or not any(w.snowfall + w.snow_cover > 0.0 for row in rows for w in row):
         return []
-    return [f"{', '.join(blind)} sees no snow; add --lidar-weather for flakes and white ground"]
+    sweeps = f"sweeps of {', '.join(blind)} in snow equal those of ClearNoon"
+    return [f"{sweeps}; add --lidar-weather for flakes and white ground"]
 
 
 def without_unwritten(rig: SensorRig, formats: Sequence[str], topics: str) -> SensorRig:
