@@ -116,11 +116,8 @@ def streaks_before(
         falls.append(np.broadcast_to(velocity, places.shape))
         sizes.append(np.full(len(places), diameter * 1e-3))
     end, size = np.concatenate(ends), np.concatenate(sizes)
-    way = (np.concatenate(falls) - velocity_mps) * exposure_time_s
-    if flakes:
-        # A flake as wide as its way is long is a disc rather than a line: it reaches on by its width.
-        way *= 1.0 + (size / np.maximum(np.sqrt(np.sum(way * way, axis=1)), 1e-6))[:, None]
-    return Streaks(end_m=end, begin_m=end - way, diameter_m=size, flakes=flakes)
+    begin = end - (np.concatenate(falls) - velocity_mps) * exposure_time_s
+    return Streaks(end_m=end, begin_m=begin, diameter_m=size, flakes=flakes)
 
 
 def _lattice(view: CameraView, drift_m: Array, density: float, range_m: float, key: int) -> Array:

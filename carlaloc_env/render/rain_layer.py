@@ -150,10 +150,14 @@ class _Seen(NamedTuple):
 
 def _seen_by(view: CameraView, streaks: Streaks, light: Array) -> _Seen:
     # Written out: sums over the last axis of three take NumPy three times as long.
-    R = view.R_camera_world.T
+    R, begin_m = view.R_camera_world.T, streaks.begin_m
+    if streaks.flakes:
+        # A flake as wide as its way is long is a disc rather than a line: it reaches on by its width.
+        way = streaks.end_m - begin_m
+        long_m = np.maximum(np.sqrt(np.sum(way * way, axis=1)), 1e-6)
+        begin_m = streaks.end_m - way * (1.0 + streaks.diameter_m / long_m)[:, None]
     begin, end = (
-        place[:, :1] * R[0] + place[:, 1:2] * R[1] + place[:, 2:] * R[2]
-        for place in (streaks.begin_m, streaks.end_m)
+        place[:, :1] * R[0] + place[:, 1:2] * R[1] + place[:, 2:] * R[2] for place in (begin_m, streaks.end_m)
     )
     c = view.camera
     return _Seen(

@@ -276,6 +276,14 @@ class SceneRenderer:
         with self._context:
             return self._shader.rain_cd_m2(gbuffer, weather, stamp_ns, seed, exposure_s)
 
+    def falling(
+        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int, span_s: float, seed: int
+    ) -> tuple[Streaks, Array]:
+        """Drops or flakes before a picture in a span that ends with it, and their luminance [cd/m²], (N, 3)."""
+        self._read_ahead(gbuffer, weather)
+        with self._context:
+            return self._shader.falling(gbuffer, weather, stamp_ns, seed, span_s)[1:]
+
     def _read_ahead(self, gbuffer: GBuffer, weather: WeatherParameters) -> None:
         """Read back what shading needs, outside the context: an inner `with` would leave none current."""
         if weather.is_night or weather.falls:

@@ -146,10 +146,16 @@ class Shader:
         self, gbuffer: GBuffer, weather: WeatherParameters, stamp_ns: int, seed: int, exposure_s: float
     ) -> NDArray[np.float32]:
         """Light of streaks [cd/m²] in three channels, and how much they hide in the fourth, (H, W, 4)."""
+        scene, drops, shine = self.falling(gbuffer, weather, stamp_ns, seed, exposure_s)
+        return self._rain.layer(scene.view, scene.depth_m(), drops, shine)
+
+    def falling(
+        self, gbuffer: GBuffer, weather: WeatherParameters, stamp_ns: int, seed: int, span_s: float
+    ) -> tuple[Scene, Streaks, Array]:
+        """What falls before a picture in a span that ends with it, and its luminance [cd/m²], (N, 3)."""
         scene = self._scene(gbuffer, weather, stamp_ns, seed)
         lights = self._night.lights(gbuffer) if weather.is_night else NO_LIGHTS
-        drops, shine = self._drops(scene, lights, exposure_s)
-        return self._rain.layer(scene.view, scene.depth_m(), drops, shine)
+        return scene, *self._drops(scene, lights, span_s)
 
     def _scene(self, gbuffer: GBuffer, weather: WeatherParameters, stamp_ns: int, seed: int) -> Scene:
         return Scene(

@@ -29,6 +29,7 @@ from carlaloc_env.sensors.camera_config import (
     CameraConfig,
 )
 from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain, RenderFrame
+from carlaloc_env.sensors.event_camera.flakes import Flakes
 from carlaloc_env.sensors.event_camera.log_intensity import log_intensity
 from carlaloc_env.sensors.imaging.exposure_control import Draw, Imaging, Swept
 from carlaloc_env.sensors.imaging.frame import Frame, Optics
@@ -37,7 +38,7 @@ from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.weather.parameters import WIND_DIRECTION
+from carlaloc_env.weather.parameters import WIND_DIRECTION, WeatherParameters
 from carlaloc_env.weather.schedule import Weather
 
 
@@ -222,14 +223,21 @@ class CameraSensor(Camera):
         """Function that gives the light of event pixels at any time."""
         dark = self.config.events.dark_cd_m2
 
-        def render(at_ns: int) -> tuple[FrameGeometry, list[F32]]:
+        def render(at_ns: int) -> tuple[FrameGeometry, list[F32], list[Flakes | None]]:
             seen, poses = draw(at_ns)
-            return FrameGeometry.of(seen, poses), [
-                log_intensity(seen.radiance_cd_m2(weather.at(at_ns)), dark, blurred=not seen.is_blurred)
-                for weather in weathers
-            ]
+            now = [weather.at(at_ns) for weather in weathers]
+            light = [log_intensity(seen.radiance_cd_m2(w), dark, blurred=not seen.is_blurred) for w in now]
+            return FrameGeometry.of(seen, poses), light, [self._flakes(seen, w, at_ns) for w in now]
 
         return render
+
+    def _flakes(self, seen: Frame, weather: WeatherParameters, stamp_ns: int) -> Flakes | None:
+        """Flakes of the period that ends at a stamp [ns]; None: no snow falls."""
+        if weather.snowfall <= 0.0:
+            return None
+        span_s, seed = self._period_ns * 1e-9, self._world.seed
+        streaks, light = seen.falling(weather, stamp_ns=stamp_ns, span_s=span_s, seed=seed)
+        return Flakes(streaks.begin_m, streaks.end_m, streaks.diameter_m, light)
 
     def _events(
         self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], draw: Draw

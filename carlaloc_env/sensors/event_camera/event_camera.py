@@ -1,8 +1,8 @@
 """The event camera: events that pixels fire between a camera's pictures, with memory from one to the next.
 
 The memory begins anew, without firing, every `restart_s` of the drive, so that any stretch of a drive has the
-same bytes; each reference then lies anywhere within its thresholds. Falling drops fire no events: a streak is
-there for one picture alone and has no place in the next.
+same bytes; each reference then lies anywhere within its thresholds. Falling drops fire no events, flakes of snow
+do (`flakes`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -15,6 +15,7 @@ from carlaloc_env.core.array_types import F32
 from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.camera_config import EventConfig
 from carlaloc_env.sensors.event_camera.esim import generate_events
+from carlaloc_env.sensors.event_camera.flakes import Flakes, flake_events
 from carlaloc_env.sensors.event_camera.pixels import NoiseEvents, PixelState, Thresholds
 from carlaloc_env.sensors.event_camera.read_out import limit_rate
 from carlaloc_env.sensors.imaging.frame import Optics
@@ -23,8 +24,8 @@ from carlaloc_env.sensors.imaging.state_chain import Chain
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather
 
-RenderFrame = Callable[[int], tuple[FrameGeometry, list[F32]]]
-"""Draws the frame of a stamp [ns]: its geometry, and its log intensity under each weather."""
+RenderFrame = Callable[[int], tuple[FrameGeometry, list[F32], list[Flakes | None]]]
+"""Draws the frame of a stamp [ns]: its geometry; log intensity and flakes before it under each weather."""
 
 
 class EventCamera:
@@ -79,11 +80,30 @@ class EventCamera:
             leak_hz=config.leak_hz,
             step_px=config.step_px,
         )
-        if config.rate_max_mev_s > 0:
-            events = limit_rate(events, start_ns, 1e6 * config.rate_max_mev_s)
         if start_ns // self.restart_ns < end_ns // self.restart_ns:
             state = self.initial_state(after, end_ns)
         return events, state
+
+    def among_flakes(
+        self,
+        events: NDArray[np.void],
+        flakes: Flakes | None,
+        ends: tuple[FrameGeometry, FrameGeometry],
+        log_intensity: F32,
+        span_ns: tuple[int, int],
+    ) -> NDArray[np.void]:
+        """Events as the chip reads them out, by time: those of the scene, and of flakes before it."""
+        config, (start_ns, end_ns) = self.config, span_ns
+        if flakes is not None:
+            fired = flake_events(
+                flakes, ends, log_intensity, self._thresholds, self._optics, dark_cd_m2=config.dark_cd_m2,
+                start_ns=start_ns, span_us=(end_ns - start_ns) // 1000, refractory_us=config.refractory_us,
+            )  # fmt: skip
+            events = np.concatenate([events, fired])
+            events = events[np.argsort(events["t"], kind="stable")]
+        if config.rate_max_mev_s > 0:
+            events = limit_rate(events, start_ns, 1e6 * config.rate_max_mev_s)
+        return events
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,19 +141,24 @@ class EventChain:
         """Functions that make a state without history, and the state one period after another."""
 
         def begin(at_ns: int) -> _Held:
-            geometry, intensity = render(at_ns)
+            geometry, intensity, _ = render(at_ns)
             states = [self._camera.initial_state(seen, at_ns) for seen in intensity]
             none = [np.zeros(0, EVENT) for _ in intensity]
             return _Held(stamp_ns=at_ns, geometry=geometry, intensity=intensity, states=states, events=none)
 
         def follow(held: _Held, at_ns: int) -> _Held:
-            geometry, intensity = render(at_ns)
+            geometry, intensity, flakes = render(at_ns)
             motion = self._camera.motion(held.geometry, geometry)
             fired = [
                 self._camera.generate(before, after, motion, state, (held.stamp_ns, at_ns))
                 for before, after, state in zip(held.intensity, intensity, held.states, strict=True)
             ]
-            events, states = [fired_events for fired_events, _ in fired], [state for _, state in fired]
+            ends, span_ns = (held.geometry, geometry), (held.stamp_ns, at_ns)
+            events = [
+                self._camera.among_flakes(rows, falling, ends, seen, span_ns)
+                for (rows, _), falling, seen in zip(fired, flakes, intensity, strict=True)
+            ]
+            states = [state for _, state in fired]
             return _Held(stamp_ns=at_ns, geometry=geometry, intensity=intensity, states=states, events=events)
 
         return begin, follow

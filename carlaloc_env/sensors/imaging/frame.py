@@ -10,12 +10,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import F32
+from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.camera_model import Lens, LensView, Pinhole
 from carlaloc_env.weather.parameters import WeatherParameters
 
 if TYPE_CHECKING:
     from carlaloc_env.render.geometry.gbuffer import GBuffer
+    from carlaloc_env.render.rain_drops import Streaks
     from carlaloc_env.render.renderer import SceneRenderer
 
 
@@ -112,6 +113,12 @@ class Frame:
         )
         rain = rain if self._view is None else self._bent(rain)
         return np.asarray(light * (1 - rain[..., 3:]) + rain[..., :3], dtype=np.float32)
+
+    def falling(
+        self, weather: WeatherParameters, *, stamp_ns: int, span_s: float, seed: int
+    ) -> tuple[Streaks, Array]:
+        """Drops or flakes before the picture in a span that ends with it, see `SceneRenderer.falling`."""
+        return self._renderer.falling(self._gbuffer, weather, stamp_ns=stamp_ns, span_s=span_s, seed=seed)
 
     @property
     def is_blurred(self) -> bool:

@@ -49,7 +49,7 @@ _POINT_CATEGORY = {
     Tag.BUILDING: "static.manmade", Tag.WALL: "static.manmade", Tag.FENCE: "static.manmade",
     Tag.POLE: "static.manmade", Tag.TRAFFIC_LIGHT: "static.manmade", Tag.TRAFFIC_SIGN: "static.manmade",
     Tag.BRIDGE: "static.manmade", Tag.GUARD_RAIL: "static.manmade", Tag.STATIC: "static.other",
-    Tag.DYNAMIC: "static.other", Tag.OTHER: "static.other",
+    Tag.DYNAMIC: "static.other", Tag.OTHER: "static.other", Tag.SNOW: "noise",
 }  # fmt: skip
 ATTRIBUTES = (
     "vehicle.moving", "vehicle.stopped", "vehicle.parked", "cycle.with_rider", "cycle.without_rider",

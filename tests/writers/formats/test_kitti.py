@@ -149,13 +149,14 @@ def test_labels_tell_what_moves(folder: Path) -> None:
     assert set((labels[1::2] >> 16).tolist()) == {70_000 & 0xFFFF}
 
 
-def test_every_tag_has_a_label_of_the_benchmark() -> None:
+def test_every_tag_has_a_label_of_the_benchmark_and_snow_that_of_wads() -> None:
     known = {
         0, 1, 10, 11, 13, 15, 16, 18, 20, 30, 31, 32, 40, 44, 48, 49, 50, 51, 52, 60, 70, 71, 72, 80, 81, 99,
     }  # fmt: skip
     tags = np.array(list(Tag), np.uint8)
     labels = semantic_kitti_labels(tags, np.zeros(len(tags), np.uint32), np.zeros(0, np.uint32))
-    assert set((labels & 0xFFFF).tolist()) <= known
+    assert labels[tags == Tag.SNOW].tolist() == [110]
+    assert set((labels[tags != Tag.SNOW] & 0xFFFF).tolist()) <= known
     assert set(tags[labels == 0].tolist()) == {Tag.UNLABELED, Tag.SKY}
 
 

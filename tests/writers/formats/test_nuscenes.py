@@ -21,7 +21,7 @@ from carlaloc_env.town.build import load_town
 from recorder.drive.record import RecordConfig, record
 from recorder.replaying.replay import replay
 from recorder.writers.formats.nuscenes import NuscenesEncoder, NuscenesWriter
-from recorder.writers.formats.nuscenes_tables import CATEGORIES
+from recorder.writers.formats.nuscenes_tables import CATEGORIES, lidarseg_table
 from recorder.writers.formats.town_ground import PIXEL_M, TownGround, ground_of
 from recorder.writers.rig_calibration import RigCalibration
 
@@ -234,6 +234,7 @@ def test_points_have_the_labels_of_lidarseg(folder: Path) -> None:
     labels = np.fromfile(folder / tables.rows["lidarseg"][0]["filename"], np.uint8)
     names = np.array(CATEGORIES)[labels]
     assert (names == np.repeat(["vehicle.car", "static.manmade"], [len(HULL), len(POSTS)])).all()
+    assert CATEGORIES[lidarseg_table()[Tag.SNOW]] == "noise"
 
 
 def test_what_stands_has_no_speed_over_the_ground(folder: Path) -> None:
