@@ -3,7 +3,8 @@
 `python docs/scripts/make_gallery.py [TOWN ...]`.
 
 Each shows the town from above with its lanes, route, spawn points and lights, and four street views.
-With `--weathers` it draws docs/gallery/weathers.jpg instead: every town in the paper's three weathers.
+With `--weathers` it draws docs/gallery/weathers.jpg instead: every town in the paper's three weathers. With
+`--winter` it draws docs/gallery/winter.jpg: three towns in snow.
 """
 
 import argparse
@@ -32,6 +33,8 @@ GALLERY = Path(__file__).parents[1] / "gallery"
 LARGEST_BYTES = 490_000
 LARGEST_PREVIEW_BYTES = 690_000
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
+WINTER = ("SnowyNoon", "WinterNoon", "SnowyNight")
+WINTER_TOWNS = ("Town03", "Town07", "Town10")
 PANEL_PX = (480, 270)
 VEHICLES = 260
 CLEAR_M = 9.0
@@ -52,23 +55,23 @@ def draw(name: str, folder: Path = GALLERY, quality: str = "medium") -> Path:
     return _write(sheet, folder / f"{name}.jpg")
 
 
-def draw_weathers(names: list[str], folder: Path = GALLERY, quality: str = "medium") -> Path:
-    """Write one street of every town in three weathers, a row per town."""
-    rows = [np.hstack(street_in_weathers(name, quality)) for name in names]
-    return _write(cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), folder / "weathers.jpg")
+def draw_weathers(names: list[str], out: Path, quality: str, weathers: tuple[str, ...] = WEATHERS) -> Path:
+    """Write one street of every town in some weathers, a row per town."""
+    rows = [np.hstack(street_in_weathers(name, quality, weathers)) for name in names]
+    return _write(cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), out)
 
 
-def street_in_weathers(name: str, quality: str) -> list[NDArray[np.uint8]]:
-    """One street with standing traffic under each of `WEATHERS`, sRGB."""
+def street_in_weathers(name: str, quality: str, weathers: tuple[str, ...]) -> list[NDArray[np.uint8]]:
+    """One street with standing traffic under each of some weathers, sRGB."""
     town = load_town(name)
-    stage = SensorStage(town, seed=0, weather=weather_by_name(WEATHERS[0]), quality=quality)
+    stage = SensorStage(town, seed=0, weather=weather_by_name(weathers[0]), quality=quality)
     first, *others = street_poses(town, 4)
     for T in (*others, first):
         gbuffer = _busy_street(stage, town, T)
         if np.mean(gbuffer.depth_m() == 0.0) > LEAST_SKY:
             break
     pictures = []
-    for weather in WEATHERS:
+    for weather in weathers:
         rgb = stage.renderer().shade(gbuffer, weather_by_name(weather), stamp_ns=10**9)
         small = np.asarray(cv2.resize(rgb, PANEL_PX, interpolation=cv2.INTER_AREA), dtype=np.uint8)
         words, font = f"{name} {weather}", cv2.FONT_HERSHEY_SIMPLEX
@@ -130,9 +133,15 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=GALLERY, help="folder of the pictures")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     parser.add_argument("--weathers", action="store_true", help="every town in three weathers instead")
+    parser.add_argument("--winter", action="store_true", help="three towns in snow instead")
     arguments = parser.parse_args()
     if arguments.weathers:
-        draw_weathers(arguments.towns or list(known_towns()), arguments.out, arguments.quality)
+        names = arguments.towns or list(known_towns())
+        draw_weathers(names, arguments.out / "weathers.jpg", arguments.quality)
+        raise SystemExit
+    if arguments.winter:
+        names = arguments.towns or list(WINTER_TOWNS)
+        draw_weathers(names, arguments.out / "winter.jpg", arguments.quality, WINTER)
         raise SystemExit
     for town in arguments.towns or known_towns():
         picture = draw(town, arguments.out, arguments.quality)

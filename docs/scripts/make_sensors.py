@@ -50,7 +50,7 @@ return in six is of the own car. Settings of systems leave out returns within 3 
 
 ## Surfaces
 
-Three properties of the world concern all rigs:
+Four properties of the world concern all rigs:
 
 * **Reflectance varies within metres.** The pattern is a function of the world's coordinates
   ([`scene/mottle.py`](../carlaloc_env/scene/mottle.py)). Within 1.5 m of asphalt the intensities of a LiDAR
@@ -59,6 +59,7 @@ Three properties of the world concern all rigs:
   ([`raycast/foliage.py`](../carlaloc_env/raycast/foliage.py)). A depth picture has the outside of a crown. A
   LiDAR's point lies up to 1.2 m behind it, and never outside the crown or behind something solid. All other
   surfaces agree.
+* **Snow** is light alone in pictures; LiDARs see it by choice ([winter](winter.md)).
 * **The sun** has a disc and an aureole (Buie et al. 2003), which saturate pictures that look there.
 """
 PARTS = (

@@ -78,4 +78,6 @@ def gallery() -> str:
     """A page of all towns, and of two cities."""
     towns = "\n".join(f"## {town}\n\n![{town}](gallery/{town}.jpg)\n" for town in (*TOWNS, *CITIES))
     credit = "Data of the cities: © OpenStreetMap contributors, ODbL 1.0."
-    return f"# Gallery\n\n## Three weathers\n\n![All towns](gallery/weathers.jpg)\n\n{towns}\n{credit}\n"
+    weathers = "## Three weathers\n\n![All towns](gallery/weathers.jpg)\n"
+    winter = "## Winter\n\n![Three towns in snow](gallery/winter.jpg)\n"
+    return f"# Gallery\n\n{weathers}\n{winter}\n{towns}\n{credit}\n"
