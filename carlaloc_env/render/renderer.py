@@ -15,6 +15,7 @@ from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
 from carlaloc_env.render.geometry.geometry_pass import GeometryPass, distance_m
 from carlaloc_env.render.geometry.occlusion_culling import Depths
 from carlaloc_env.render.lighting.shader_constants import shader_constants
+from carlaloc_env.render.rain_drops import Streaks
 from carlaloc_env.render.shader_programs import give_back, take_programs
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.textures.build import build_textures
@@ -279,7 +280,7 @@ class SceneRenderer:
     def falling(
         self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int, span_s: float, seed: int
     ) -> tuple[Streaks, Array]:
-        """Drops or flakes before a picture in a span that ends with it, and their luminance [cd/m²], (N, 3)."""
+        """What falls before a picture in a span that ends with it, and its luminance [cd/m²], shape (N, 3)."""
         self._read_ahead(gbuffer, weather)
         with self._context:
             return self._shader.falling(gbuffer, weather, stamp_ns, seed, span_s)[1:]

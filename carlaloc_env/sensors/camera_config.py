@@ -194,7 +194,7 @@ class CameraConfig(SensorConfig):
     outputs: tuple[str, ...] = ("rgb", "depth", "semantic")
     """Streams, of `OUTPUTS`; with ``flow`` all of them come one period late in a live run."""
     events: EventConfig = field(default_factory=EventConfig)
-    """Pixels of the event camera behind the same lens, if ``events`` is given; flakes fire them, drops do not."""
+    """Pixels of the event camera behind the same lens, if ``events`` is given; flakes fire, drops do not."""
 
     def __post_init__(self) -> None:
         SensorConfig.__post_init__(self)

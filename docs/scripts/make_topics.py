@@ -46,7 +46,7 @@ TAIL = """\
 * `points`: `x y z intensity` float32, `ring` uint16, `time` float32 in seconds after the header's stamp.
   The offsets are those of velodyne_pointcloud's XYZIRT (0, 4, 8, 12, 16, 18; 22 bytes). `is_dense` is true,
   since rays without a return are left out.
-* `points_labelled`: the same, then `label` uint8 (semantic tag, 29 a flake of snow) and `id` uint32 (instance).
+* `points_labelled`: the same, then `label` uint8 (semantic tag, 29: a flake) and `id` uint32 (instance).
 * `radar_points`: `x y z` [m], `doppler` [m/s], `snr` [dB], `rcs` [dBsm], `range` [m], `azimuth`,
   `elevation` [rad], float32; then the truth: `label` uint8, `id` uint32, `origin` uint8 (0 an object, 1 its
   mirror image, 2 clutter). `radar_scan`: radar_msgs/RadarScan; the amplitude is the signal-to-noise ratio.

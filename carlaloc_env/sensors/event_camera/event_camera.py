@@ -1,8 +1,8 @@
 """The event camera: events that pixels fire between a camera's pictures, with memory from one to the next.
 
 The memory begins anew, without firing, every `restart_s` of the drive, so that any stretch of a drive has the
-same bytes; each reference then lies anywhere within its thresholds. Falling drops fire no events, flakes of snow
-do (`flakes`).
+same bytes; each reference then lies anywhere within its thresholds. Flakes of snow fire events
+(`flakes`), drops do not.
 """
 
 from collections.abc import Callable, Iterator, Sequence

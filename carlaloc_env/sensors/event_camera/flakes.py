@@ -6,7 +6,7 @@ and show what lies behind them, fire none.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,7 +108,7 @@ def _pass(
     t_us: I32,
     code: U32,
 ) -> int:
-    """Events of all flakes along their paths in the picture; the number of them, those without room included."""
+    """Events of all flakes along their paths; the number of them, those without room included."""
     height, width = lit.shape
     count = 0
     for n in range(len(begins)):
@@ -174,6 +174,6 @@ def _columns(
 
 @compiled
 def _time(along: float, length: float, z0: float, z1: float) -> float:
-    """Share of the span after which something that moves evenly in space is there on its path in the picture."""
+    """Share of the span after which something that moves evenly in space is there on its path."""
     share = along / length
     return share * z0 / max(z1 - share * (z1 - z0), 1e-6)

@@ -1,7 +1,7 @@
 """Labels of SemanticKITTI for our semantic tags, moving classes included.
 
 Numbers are those of semantic-kitti-api's ``config/semantic-kitti.yaml`` (Behley et al., "SemanticKITTI:
-A Dataset for Semantic Scene Understanding of LiDAR Sequences", ICCV 2019). Falling snow has the number of WADS
+A Dataset for Semantic Scene Understanding of LiDAR Sequences", ICCV 2019). Falling snow has WADS' number
 (Bos et al., "Autonomy at the end of the Earth", 2020), which that file does not name.
 """
 

@@ -38,7 +38,9 @@ def of_one(shine: float, *, depth_m: float = 0.0, hops_m: float = 0.4) -> Any:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("shine", "steps", "first"), [(200.0, 2, 1), (400.0, 4, 1), (60.0, 1, 0), (120.0, 0, 1)])
+@pytest.mark.parametrize(
+    ("shine", "steps", "first"), [(200.0, 2, 1), (400.0, 4, 1), (60.0, 1, 0), (120.0, 0, 1)]
+)
 def test_a_flake_fires_its_contrast_and_takes_it_back(shine: float, steps: int, first: int) -> None:
     """|ln(L/100)| / 0.3 events where it enters, as many of the other sign where it leaves, 1.5 px later."""
     events = of_one(shine)
@@ -76,7 +78,10 @@ def test_snow_fires_before_a_standing_camera_and_rain_does_not(scenery: Any) -> 
     rain = WeatherParameters(precipitation=50.0, cloudiness=100.0)
     stamps = [k * 50_000_000 for k in range(5)]
     sensor = config.build(world)
-    rows: list[list[Any]] = [[s[0].events for s in sensor.measure_conditions(drive, t, [snow, rain])] for t in stamps]  # type: ignore[attr-defined]  # noqa: E501
+    rows: list[Any] = []
+    for t in stamps:
+        pair: Any = sensor.measure_conditions(drive, t, [snow, rain])
+        rows.append([samples[0].events for samples in pair])
     falling = np.concatenate([pair[0] for pair in rows])
     assert sum(len(pair[1]) for pair in rows) < 10
     assert len(falling) > 500
