@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.opengl_process import check_opengl, lost_by_fork
 from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
@@ -280,7 +281,7 @@ class SceneRenderer:
     def falling(
         self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int, span_s: float, seed: int
     ) -> tuple[Streaks, Array]:
-        """What falls before a picture in a span that ends with it, and its luminance [cd/m²], shape (N, 3)."""
+        """What falls before a picture in a span that ends with it, and its luminance [cd/m²], (N, 3)."""
         self._read_ahead(gbuffer, weather)
         with self._context:
             return self._shader.falling(gbuffer, weather, stamp_ns, seed, span_s)[1:]
