@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 import yaml
 
 from carlaloc_env.rigs.presets import rig_by_name
@@ -13,6 +14,7 @@ from recorder.dataset.manifest import SequenceDescription
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying import sequence_writers
 from recorder.replaying.conditions import Condition
+from recorder.replaying.options import snow_notes
 from recorder.replaying.recipe import Recipe
 from recorder.replaying.replay import ReplayConfig, rig_of
 
@@ -29,6 +31,22 @@ def test_a_rig_file_asks_for_drops_and_wind(tmp_path: Path) -> None:
     (camera,) = cameras(ReplayConfig(episode=Path("a.mcap"), out=Path("out"), rig=str(file)))
     assert camera.lens_drops
     assert camera.leaf_wind_mps == 5.0
+
+
+@pytest.mark.parametrize(
+    ("weather", "seen", "notes"), [("ClearNoon", False, 0), ("WinterNoon", False, 1), ("SnowyNoon", True, 0)]
+)
+def test_a_note_names_lidars_that_see_no_snow(weather: str, seen: bool, notes: int) -> None:
+    config = ReplayConfig(
+        episode=Path("a.mcap"),
+        out=Path("out"),
+        rig="lidar",
+        weathers=("HardRainNoon", weather),
+        lidar_weather=seen,
+    )
+    found = snow_notes(config)
+    assert len(found) == notes
+    assert all("lidar in snow equal those of ClearNoon; add --lidar-weather" in note for note in found)
 
 
 def test_a_sequence_states_the_read_out_of_rolling_shutters(tmp_path: Path) -> None:

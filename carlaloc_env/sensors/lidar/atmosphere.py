@@ -29,6 +29,12 @@ laser transmission function" (2015). The value is ours: in fog of 50 m, it lets 
 the 26 m of LISA's rule. By the model of an HDL-64 of Bijelic et al., "Seeing through fog without seeing
 fog" (2020), points vanish there beyond 20 to 30 m. With the whole echo from 1 m on, they did at 12 m.
 """
+FLAKE_FOCUS_M = 16.0
+"""The same distance for single flakes [m]: the one constant of snow that is fitted, to ranges of real flakes.
+
+An echo of fog fills the whole beam. A flake is a point somewhere in it, and the beam and the field of view
+of a receiver beside the laser overlap but partly near by. See docs/winter.md for the figures.
+"""
 WATER_REFLECTANCE = 0.0198
 """Reflectance of a drop's face, ((n − 1)/(n + 1))² with n = 1.328 at 905 nm."""
 FLAKE_REFLECTANCE = 2.0 / 3.0 * ALBEDO
@@ -127,7 +133,7 @@ class DropEcho:
     Kilic et al., "LISA", 2021). The number of drops whose echo exceeds p is Poisson distributed with a
     mean Λ(p), so the strongest has the distribution exp(−Λ(p)): one number per ray replaces the
     thousands of drops of each beam. Of flakes, which fill more of a near beam, the detector's focus counts,
-    too: with `FOCUS_M`, their share, ranges and intensities are those of real snow (docs/sensors.md).
+    too: with `FLAKE_FOCUS_M`, their share, ranges and intensities are those of real snow (docs/winter.md).
     """
 
     def __init__(
@@ -148,7 +154,7 @@ class DropEcho:
         volume = math.pi * radius * radius * (r[1] - r[0])
         fade = reflectance * elementary.exp(-2 * air.extinction_per_m * r) / r**2
         if flakes:
-            fade *= 1.0 - elementary.exp(-((r / FOCUS_M) ** 2))
+            fade *= 1.0 - elementary.exp(-((r / FLAKE_FOCUS_M) ** 2))
         weakest, strongest = elementary.log(0.02 * power_min), elementary.log(fade.max())
         self.power = elementary.exp(np.linspace(weakest, strongest, 240))
         least = 2 * radius * np.sqrt(np.minimum(self.power[:, None] / fade, 1.0))
@@ -157,6 +163,9 @@ class DropEcho:
         many = np.where(self.power[:, None] <= fade, many, 0.0) * volume
         self.expected = np.sum(many, axis=1)
         """Mean number of drops in a beam with a stronger echo than each of `power`."""
+        if flakes:
+            # The strongest of them is as strong as `power`, no stronger.
+            many[:-1] -= many[1:]
         self._range_m, self._cumulative = r, np.cumsum(many, axis=1)
 
     def draw(self, uniform: Array) -> tuple[Array, Array]:

@@ -5,12 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.readings.lidar_scans import MOUNT
 from shared_fixtures.readings.lidar_weather import HEIGHT, POWER_MIN, model, ranges, semantic
 
 from carlaloc_env.road.wheel_tracks import TRACK_M, WheelTracks
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.lidar.atmosphere import DropEcho, atmosphere_at
+from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.weather.parameters import WeatherParameters
 from carlaloc_env.weather.presets import PRESETS
 from carlaloc_env.weather.snowfall import extinction_per_m
@@ -31,18 +34,22 @@ def test_strongest_flake_has_the_distribution_of_simulated_flakes() -> None:
     cone = math.pi / 3 * math.tan(beam / 2) ** 2
     intercept = 3.8e6 * 2.5**-0.87 / swollen
     number = intercept / slope * math.exp(-slope * least) * cone * (far**3 - near**3)
-    strongest = np.zeros(6000)
+    strongest, away_m = np.zeros(6000), np.zeros(6000)
     for k in range(len(strongest)):
         count = rng.poisson(number)
         r = (near**3 + rng.random(count) * (far**3 - near**3)) ** (1 / 3)
         size = -np.log(1 - rng.random(count)) / slope + least
         filled = np.minimum((size / (2 * r * math.tan(beam / 2))) ** 2, 1.0)
-        seen = (1 - np.exp(-((r / 10.0) ** 2))) * np.exp(-2 * extinction_per_m(2.5) * r) / r**2
-        strongest[k] = (0.6 * seen * filled).max(initial=0.0)
-    drawn, _ = echo.draw(1.0 - rng.random((40_000, 2)))
+        seen = (1 - np.exp(-((r / 16.0) ** 2))) * np.exp(-2 * extinction_per_m(2.5) * r) / r**2
+        power = np.append(0.6 * seen * filled, 0.0)
+        strongest[k], away_m[k] = power.max(), np.append(r, 0.0)[power.argmax()]
+    drawn, at_m = echo.draw(1.0 - rng.random((40_000, 2)))
     for p in (0.3 * POWER_MIN, POWER_MIN, 3 * POWER_MIN, 10 * POWER_MIN):
         simulated = np.mean(strongest > p)
         assert np.mean(drawn > p) == pytest.approx(simulated, abs=0.008 + 3 * math.sqrt(simulated / 6000))
+    found, expected = at_m[drawn > POWER_MIN], away_m[strongest > POWER_MIN]
+    for quarter in (0.25, 0.5, 0.75):
+        assert np.quantile(found, quarter) == pytest.approx(np.quantile(expected, quarter), abs=0.35)
 
 
 def test_flakes_are_tagged_and_as_many_as_their_rate_has(scenery: Any) -> None:
@@ -62,6 +69,24 @@ def test_flakes_are_tagged_and_as_many_as_their_rate_has(scenery: Any) -> None:
         assert cloud.tag is not None
         assert set(cloud.tag.tolist()) == {Tag.SNOW}
     assert shares[0] < shares[1] < shares[2]
+
+
+def test_flakes_of_a_street_are_those_of_real_snow(scenery: Any, town03: Any) -> None:
+    """Shares of points, ranges and lowest intensity (WADS) with an HDL-32E at 1 mm/h, at three places."""
+    stage = SensorStage(town03, seed=1, weather=PRESETS["SnowyNoon"])
+    middles_m = town03.network.driven_middles_m
+    config = LidarConfig(mount=MOUNT, **{**LidarConfig.preset_values("hdl32e_road"), "weather": True})
+    tags, ranges_m, intensity = [], [], []
+    for k in (len(middles_m) // 7, len(middles_m) // 2, 5 * len(middles_m) // 6):
+        drive = scenery.drive(lambda t, k=k: (np.tile(middles_m[k], (len(t), 1)), np.zeros((len(t), 3))), 0.2)
+        cloud = config.build(stage).measure(drive, [0])[1]
+        tags.append(cloud.tag == Tag.SNOW)
+        ranges_m.append(ranges(cloud)[tags[-1]])
+        intensity.append(cloud.intensity[tags[-1]])
+    assert 0.02 < np.concatenate(tags).mean() < 0.12
+    for reach_m, share in ((5.0, 0.58), (10.0, 0.91), (15.0, 0.98)):
+        assert np.mean(np.concatenate(ranges_m) <= reach_m) == pytest.approx(share, abs=0.15)
+    assert np.mean(np.concatenate(intensity) == 0.0) > 0.6
 
 
 def test_ground_is_white_but_in_wheel_tracks_and_keeps_its_labels(scenery: Any) -> None:
