@@ -9,7 +9,7 @@ import tokenize
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-BUDGETS = {"carlaloc_env + recorder": 63_400, "tests": 34_000}
+BUDGETS = {"carlaloc_env + recorder": 64_100, "tests": 34_500}
 LAYOUT = {getattr(tokenize, name) for name in ("COMMENT", "NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER")}
 
 

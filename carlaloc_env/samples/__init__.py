@@ -5,6 +5,7 @@ of measurement since the drive began.
 """
 
 from carlaloc_env.samples.base import Sample, SampleList
+from carlaloc_env.samples.gnss_signals import GnssRaw
 from carlaloc_env.samples.ground_truth import ObjectList, Odometry
 from carlaloc_env.samples.images import (
     EVENT,
@@ -30,6 +31,7 @@ __all__ = [
     "Events",
     "FlowImage",
     "GnssFix",
+    "GnssRaw",
     "Image",
     "Imu",
     "NormalImage",

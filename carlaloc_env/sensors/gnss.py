@@ -18,11 +18,15 @@ from carlaloc_env.samples import GnssFix, Sample
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.gnss_satellites import CONSTELLATIONS, dilution, least_squares, sky_directions
+from carlaloc_env.sensors.raw_gnss.config import RawConfig
+from carlaloc_env.sensors.raw_gnss.receiver import Antenna, RawReceiver
 from carlaloc_env.sensors.stochastic_processes import GaussMarkov, white_noise
 from carlaloc_env.timeline.timeline import Timeline
 
 MODELS = ("white", "satellites")
 """What `GnssConfig.model` may be."""
+RAW, BASE = "_raw", "_base"
+"""Endings of the streams of raw measurements, the car's and the base station's."""
 _SIGHT_M = 800.0
 """Distance within which buildings and hills hide satellites [m]."""
 _SKY_RAYS = 48
@@ -37,7 +41,8 @@ class GnssConfig(SensorConfig):
 
     ``preset: realistic`` looks at satellites through the town instead: errors of their ranges grow
     between walls and correlate in time, and there is no fix where fewer than four are in view.
-    ``preset: rtk`` adds a base station's corrections.
+    ``preset: rtk`` adds a base station's corrections. ``raw: true`` gives pseudoranges, carrier phases,
+    Doppler and C/N0 of every signal besides, for RTK and tightly coupled systems.
     """
 
     kind: ClassVar[str] = "gnss"
@@ -83,6 +88,10 @@ class GnssConfig(SensorConfig):
     """White noise of a carrier-phase range, RTK fixed [m]."""
     float_m: float = 0.3
     """Error of a range while ambiguities are not fixed, RTK float [m]."""
+    raw: bool = False
+    """Whether `receiver` makes raw measurements, and positions from them; `model` does not count then."""
+    receiver: RawConfig = field(default_factory=RawConfig)
+    """Satellites, date, base station and errors of raw measurements."""
 
     def __post_init__(self) -> None:
         SensorConfig.__post_init__(self)
@@ -130,16 +139,39 @@ class GnssSensor(Sensor):
             )
             for what, time in (("slow", config.slow_s), ("multipath", config.multipath_s))
         )
+        self._raw, self._base = (
+            RawReceiver(
+                name,
+                config.frame_id,
+                1.0 / config.rate_hz,
+                config.receiver,
+                config.mask_deg,
+                world.seed,
+                world.geo,
+            )
+            if config.raw
+            else None
+            for name in (f"{config.name}{RAW}", f"{config.name}{BASE}")
+        )
+        if config.raw:
+            self.padded_streams = tuple(name for name in self.streams() if name != config.name)
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Latitude [deg], longitude [deg], altitude [m], 1 where there is a fix; zeros without."""
         low, high = np.array([-90.0, -180.0, -1e5, 0.0]), np.array([90.0, 180.0, 1e5, 1.0])
-        return {self.config.name: spaces.Box(low, high, dtype=np.float64)}
+        streams: dict[str, spaces.Space[Any]] = {self.config.name: spaces.Box(low, high, dtype=np.float64)}
+        if self._raw is not None:
+            signals = spaces.Box(-np.inf, np.inf, (self._raw.signals, 6), dtype=np.float64)
+            names = (RAW, BASE) if self.config.receiver.base else (RAW,)
+            streams.update({f"{self.config.name}{name}": signals for name in names})
+        return streams
 
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
         """One `GnssFix` per stamp [ns]."""
         if not stamps_ns:
             return []
+        if self._raw is not None:
+            return [sample for stamp in stamps_ns for sample in self._measured(timeline, int(stamp))]
         truth = timeline.ego_motion(stamps_ns).at_mount(self._T_base_antenna).position_m
         if self.config.model == "satellites":
             return [
@@ -153,6 +185,28 @@ class GnssSensor(Sensor):
             self._fix(int(stamp), position, covariance, "single", 0)
             for stamp, position in zip(stamps_ns, truth + self._sigma_m * noise, strict=True)
         ]
+
+    def _measured(self, timeline: Timeline, stamp_ns: int) -> list[Sample]:
+        """The fix and the raw measurements that it is made of, and those of the base station."""
+        assert self._raw is not None
+        assert self._base is not None
+        geo, settings = self._world.geo, self.config.receiver
+        motion = timeline.ego_motion([stamp_ns]).at_mount(self._T_base_antenna)
+        antenna = Antenna.of(geo, motion.position_m[0], motion.velocity_world_mps[0])
+        rays = self._world.rays() if settings.errors.town else None
+        raw = self._raw.measure(stamp_ns, antenna, rays, timeline)
+        has_fix = bool(np.isfinite(raw.solution_deg_m[0]))
+        latitude, longitude, altitude = raw.solution_deg_m.tolist()
+        fix = GnssFix(
+            sensor=self.config.name, frame_id=self.config.frame_id, stamp_ns=stamp_ns, latitude_deg=latitude,
+            longitude_deg=longitude, altitude_m=altitude, covariance_enu_m2=raw.solution_covariance_m2,
+            has_fix=has_fix, solution="single" if has_fix else "none", satellites=len(set(raw.satellite)),
+        )  # fmt: skip
+        samples: list[Sample] = [fix, raw]
+        if settings.base is not None:
+            still = Antenna.of(geo, np.array(settings.base.position_m), np.zeros(3))
+            samples.append(self._base.measure(stamp_ns, still, None, timeline))
+        return samples
 
     def sky(self, timeline: Timeline, stamp_ns: int, position_m: Array) -> tuple[Array, Array, float]:
         """Sky that an antenna sees.

@@ -11,6 +11,8 @@ from carlaloc_env.core.array_types import Array
 
 _BLOCK = 200
 """Samples whose numbers are drawn at once."""
+_SLOW_NS = 30_000_000_000
+"""Time between two values of a slow process [ns]."""
 _FLICKER_TIMES_S = (3.0, 30.0, 300.0, 3000.0)
 """Correlation times whose sum is flat in the Allan plot over three decades [s]."""
 _FLICKER_LEVEL = 0.7631
@@ -27,6 +29,7 @@ class _Blocks(ABC):
 
     def __init__(self, width: int) -> None:
         self._width = width
+        self._newest: tuple[int, Array] | None = None
 
     @abstractmethod
     def block(self, block: int) -> Array:
@@ -38,7 +41,9 @@ class _Blocks(ABC):
         blocks = numbers // _BLOCK
         for block in np.unique(blocks):
             mine = blocks == block
-            out[mine] = self.block(int(block))[numbers[mine] - block * _BLOCK]
+            if self._newest is None or self._newest[0] != block:
+                self._newest = int(block), self.block(int(block))
+            out[mine] = self._newest[1][numbers[mine] - block * _BLOCK]
         return out
 
 
@@ -116,6 +121,46 @@ class GaussMarkov(_Blocks):
         values, _ = lfilter([1.0], [1.0, -self._phi], drive, axis=0, zi=self._phi * self._ends[block][None])
         result: Array = values
         return result
+
+
+class SlowMarkov:
+    """Gauss–Markov processes of unit variance for any time: a value each 30 s, straight lines between."""
+
+    def __init__(self, seed: int, name: str, width: int, *, time_constant_s: float) -> None:
+        self._values = GaussMarkov(
+            seed, name, width, period_s=_SLOW_NS * 1e-9, time_constant_s=time_constant_s
+        )
+
+    def at(self, stamp_ns: int) -> tuple[Array, Array]:
+        """Values and their rates [1/s] at a stamp [ns], shape (width,) each."""
+        number, part = divmod(stamp_ns, _SLOW_NS)
+        before, after = self._values.rows(np.array([number, number + 1]))
+        return before + (after - before) * (part / _SLOW_NS), (after - before) / (_SLOW_NS * 1e-9)
+
+
+class EventCount(_Blocks):
+    """Number of rare events up to a sample number, the sample included; events are independent.
+
+    Args:
+        probability: That of an event at a sample.
+    """
+
+    def __init__(self, seed: int, name: str, width: int, *, probability: float) -> None:
+        super().__init__(width)
+        self._seed, self._name, self._probability = seed, name, probability
+        self._before = [np.zeros(width)]
+
+    def block(self, block: int) -> Array:
+        """Counts at a block's samples, shape (block length, width)."""
+        while len(self._before) <= block:
+            self._before.append(self._before[-1] + self._counts(len(self._before) - 1)[-1])
+        counts: Array = self._before[block] + self._counts(block)
+        return counts
+
+    def _counts(self, block: int) -> Array:
+        draw = clock.stream(self._seed, self._name, index=block).random((_BLOCK, self._width))
+        counts: Array = np.cumsum(draw < self._probability, axis=0).astype(np.float64)
+        return counts
 
 
 class Flicker:

@@ -19,6 +19,7 @@ from carlaloc_env.rigs.presets import RIGS
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig, ReceiverConfig
 from carlaloc_env.sensors.limits import LIMITS, RATE, SENSORS_MAX
+from carlaloc_env.sensors.raw_gnss.config import RangeErrors, RawConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 
 PAGE = Path(__file__).parents[1] / "sensors.md"
@@ -63,7 +64,7 @@ Four properties of the world concern all rigs:
 * **The sun** has a disc and an aureole (Buie et al. 2003), which saturate pictures that look there.
 """
 PARTS = (
-    *(Mount(), Pinhole(), ReceiverConfig()),
+    *(Mount(), Pinhole(), ReceiverConfig(), RawConfig(), RangeErrors()),
     *(LidarConfig.presets[name]["pattern"] for name in ("avia", "mid360")),
 )
 """Configurations that others hold: by default, patterns of the Avia and the Mid-360."""
@@ -110,7 +111,7 @@ def sample_classes() -> list[type[samples.Sample]]:
     """`Sample` and all kinds of samples, in the order of their modules."""
     names = [
         f"{samples.__name__}.{part}"
-        for part in ("base", "images", "point_clouds", "vehicle_states", "ground_truth")
+        for part in ("base", "images", "point_clouds", "vehicle_states", "gnss_signals", "ground_truth")
     ]
     found = [cls for _, cls in inspect.getmembers(samples, inspect.isclass)]
     mine = [cls for cls in found if issubclass(cls, samples.Sample)]
@@ -216,7 +217,12 @@ def _sample(cls: type[samples.Sample]) -> str:
 
 
 def _parameters(config: Any) -> str:
-    plain = to_mapping(config)
+    large = {
+        name: value
+        for name in field_docs(type(config))
+        if isinstance(value := getattr(config, name), RawConfig | RangeErrors)
+    }
+    plain = {**to_mapping(config), **large}
     docs = field_docs(type(config)).items()
     rows = [f"| `{name}` | {_value(plain[name])} | {doc} |" for name, doc in docs]
     return "\n".join(["| parameter | default | meaning |", "|---|---|---|", *rows, ""])

@@ -6,7 +6,7 @@ DIR/TOWN/calibration/  ground_truth/                  shared by all sequences of
 DIR/TOWN/WEATHER_TRAFFIC/sequence.yaml  SHA256SUMS    one sequence: its description, its checksums,
     preview.mp4  preview.png                          a film, and one of its images,
     bags, mav0/, kitti/, dsec/, nuscenes/, colmap/,   and its data, in the formats of `FORMATS`
-    doppler_icp/, raw/
+    doppler_icp/, gnss/, raw/
 ```
 """
 
@@ -61,6 +61,9 @@ FORMATS = {
     ),
     "doppler_icp": Format(
         about="Doppler-ICP: points with rates of range, their LiDAR's place and poses", place="doppler_icp"
+    ),
+    "rinex": Format(
+        about="raw GNSS: RINEX 3.04, NMEA, options for RTKLIB, truth of every signal", place="gnss"
     ),
     "raw": Format(about="PNG, PLY and npz, a folder or table a stream", place="raw"),
 }

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from rosbags.highlevel import AnyReader
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError, unknown_name
 from recorder.bags.reader import open_bag, refused_in_one_line
 from recorder.dataset.bag_messages import stamp_ns
 from recorder.dataset.transform_tree import TF_TYPES, messages_of, read_tree
 from recorder.evaluation.pcd_poses import is_pcd, read_pcd_poses
+from recorder.evaluation.rtklib_pos import SUFFIX, read_pos
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_checks import in_order
 from recorder.evaluation.trajectory_files import read_text_trajectory
@@ -40,20 +42,25 @@ def read_trajectory(
     topic: str | None = None,
     quaternion: str | None = None,
     time_unit: str | None = None,
+    origin: Array | None = None,
 ) -> Trajectory:
     """Read a trajectory of any known kind.
 
     Args:
-        path: A ROS 1 or ROS 2 bag, LIO-SAM's ``transformations.pcd``, or a text: see `read_text_trajectory`.
+        path: A ROS 1 or ROS 2 bag, LIO-SAM's ``transformations.pcd``, RTKLIB's ``.pos``, or a text: see
+            `read_text_trajectory`.
         times: Times of KITTI's poses, a line each; None: ``times.txt`` beside the file.
         topic: Topic of a bag, ``/tf:map.base_link`` for two frames of a tree; None: the only one with poses.
         quaternion: ``xyzw`` or ``wxyz``, where a text does not name its columns; None: by form and motion.
         time_unit: Unit of the times of a text: ``s``, ``ms``, ``us`` or ``ns``; None: by name or size.
+        origin: Origin of RTKLIB's solutions: latitude, longitude [deg], height [m]; None: their first.
 
     Raises:
         EvaluationError: the file is missing, damaged or of no such kind.
     """
     path = Path(path)
+    if path.suffix == SUFFIX:
+        return read_pos(path, origin)
     if is_pcd(path):
         return read_pcd_poses(path)
     if path.is_dir() or path.name.removesuffix(".zstd").endswith((".bag", ".mcap", ".db3")):

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.camera_config import CameraConfig
+from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.checksums import write_checksums
@@ -33,6 +35,7 @@ from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
 from recorder.writers.formats.nuscenes import NuscenesEncoder, NuscenesWriter
 from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter, shown_streams
 from recorder.writers.formats.raw import RawEncoder, RawWriter
+from recorder.writers.formats.rinex import RinexEncoder, RinexWriter
 from recorder.writers.formats.tum import write_truth
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
@@ -112,6 +115,10 @@ def outputs_of(
         elif name == "colmap":
             twins = {"twins": _twins(recipe, condition)}
             outputs.append(Output(ColmapEncoder(calibration, streams), ColmapWriter, path, twins))
+        elif name == "rinex":
+            if not any(isinstance(one, GnssConfig) and one.raw for one in recipe.rig.sensors):
+                raise WriterError("rinex needs a sensor of kind gnss with raw: true; add it to the rig")
+            outputs.append(Output(RinexEncoder(), RinexWriter, path))
         else:
             outputs.append(Output(RawEncoder(), RawWriter, path))
     if recipe.preview:

@@ -63,6 +63,7 @@ FILE_BYTES: dict[str, dict[type[Sample], Size]] = {
     "nuscenes": {Image: (0.268, 0.22, 0.111, 0.388), PointCloud: 20.0},
     "colmap": {Image: _COLOUR, DepthImage: 0.28, SemanticImage: 0.01},
     "doppler_icp": {PointCloud: 16.0},
+    "rinex": {},
     "raw": {
         Image: _COLOUR, DepthImage: 2.5, SemanticImage: 0.045, FlowImage: 4.0, NormalImage: 6.0, Events: 0.37,
         PointCloud: 24.5,

@@ -10,6 +10,7 @@ from carlaloc_env.samples import (
     Events,
     FlowImage,
     GnssFix,
+    GnssRaw,
     Image,
     Imu,
     NormalImage,
@@ -25,6 +26,12 @@ from carlaloc_env.sensors.base import SensorConfig
 from recorder.writers.driver_layouts import driver_rules
 from recorder.writers.topics import TopicProfile, TopicRule
 
+_RAW_GNSS = (
+    TopicRule(GnssRaw, "*_raw", "/ublox_driver/range_meas", "gnss_measurements"),
+    TopicRule(GnssRaw, "*_raw", "/ublox_driver/ephem", "gnss_ephemeris"),
+    TopicRule(GnssRaw, "*_raw", "/ublox_driver/iono_params", "gnss_ionosphere"),
+)
+"""Topics that GVINS reads."""
 STANDARD = TopicProfile(
     name="standard",
     rules=(
@@ -40,6 +47,7 @@ STANDARD = TopicProfile(
         TopicRule(RadarScan, "radar_*", "/radar/{}/scan", "radar_scan"),
         TopicRule(Imu, "*", "/{}/data", "imu"),
         TopicRule(GnssFix, "*", "/{}/fix", "nav_sat_fix"),
+        *_RAW_GNSS,
         TopicRule(Speed, "*", "/{}", "twist"),
         TopicRule(WheelTicks, "*", "/{}/joint_states", "wheel_joints"),
         TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
@@ -80,6 +88,7 @@ SLAM = TopicProfile(
         TopicRule(PointCloud, "*", "/{}/points", "points"),
         TopicRule(Imu, "*", "/{}/data", "imu"),
         TopicRule(GnssFix, "*", "/{}/fix", "nav_sat_fix"),
+        *_RAW_GNSS,
         TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
     ),
     drivers=True,
@@ -104,7 +113,7 @@ COMPACT = TopicProfile(
         TopicRule(Image, "rgb_*", "/camera/{}/video", "video"),
         TopicRule(Image, "rgb_*", "/camera/{}/camera_info", "camera_info"),
         *_COMPACT_CLOUDS,
-        *(rule for rule in STANDARD.rules if rule.sample in (Imu, GnssFix, Speed, WheelTicks)),
+        *(rule for rule in STANDARD.rules if rule.sample in (Imu, GnssFix, GnssRaw, Speed, WheelTicks)),
         TopicRule(Odometry, "*", "/ground_truth/odometry", "odometry"),
         TopicRule(ObjectList, "*", "/ground_truth/object_table", "object_table"),
     ),

@@ -161,7 +161,7 @@ UNITLESS = {
     "constellations", "rtk", "solution", "satellites", "window",
     "lens", "lens_drops", "imager", "shutter", "events", "parked_cars", "green_wave", "cluster",
     "lidar_weather", "faults", "ride", "truth_tf", "clock", "roof_rack", "receiver", "pattern",
-    "doppler", "layout", "rings_from_top",
+    "doppler", "layout", "rings_from_top", "raw",
 }  # fmt: skip
 """Fields that are names, choices, counts or shares."""
 MEASURE = re.compile(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ")

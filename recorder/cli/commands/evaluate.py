@@ -6,6 +6,7 @@ Examples:
   carlaloc evaluate --truth truth.tum odometry.bag --topic /odometry --time-offset search
   carlaloc evaluate --truth lidar.tum orb.tum --estimate-to-truth=-90,0,-90
   carlaloc evaluate --truth gnss.csv run.bag --topic /tf:map.base_link --interpolate
+  carlaloc evaluate --truth gnss_truth.pos out.pos --align none
   carlaloc evaluate --truth truth.tum est.tum --map est.ply --drive town03.mcap --plot figures
 """
 
@@ -40,7 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc evaluate`."""
     parser.add_argument("--truth", type=input_path, required=True, help="true trajectory")
     parser.add_argument(
-        "estimates", type=input_path, nargs="+", metavar="EST", help="TUM, KITTI, EuRoC, tables or bags"
+        "estimates",
+        type=input_path,
+        nargs="+",
+        metavar="EST",
+        help="TUM, KITTI, EuRoC, RTKLIB's .pos, tables or bags",
     )
     parser.add_argument("--align", default="se3", help="se3, sim3, posyaw or none (default: se3)")
     option(parser, "--times", input_path, "TXT", "times of KITTI poses, or of numbers of frames")
@@ -95,6 +100,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.evaluation.align import Alignment, body_rotation
     from recorder.evaluation.associate import MAX_GAP_NS, Association, interpolation
     from recorder.evaluation.evaluate import evaluate
+    from recorder.evaluation.rtklib_pos import SUFFIX, origin_of
 
     if bool(arguments.map) != (arguments.drive is not None) or (
         arguments.map and len(arguments.estimates) > 1
@@ -108,10 +114,12 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         arguments.truth, times=arguments.times, topic=arguments.truth_topic or arguments.topic,
         quaternion=arguments.truth_quaternion, time_unit=arguments.truth_time_unit,
     )  # fmt: skip
+    # Solutions of RTKLIB stand in the axes of the truth where that is one, too.
+    origin = origin_of(arguments.truth) if arguments.truth.suffix == SUFFIX else None
     estimates = [
         read_trajectory(
             path, times=arguments.times, topic=arguments.topic, quaternion=arguments.quaternion,
-            time_unit=arguments.time_unit,
+            time_unit=arguments.time_unit, origin=origin,
         )
         for path in arguments.estimates
     ]  # fmt: skip

@@ -37,6 +37,11 @@ _DEFINED = (
     "livox_ros_driver/CustomMsg",
     "livox_ros_driver2/CustomPoint",
     "livox_ros_driver2/CustomMsg",
+    "gnss_comm/GnssTimeMsg",
+    "gnss_comm/GnssObsMsg",
+    "gnss_comm/GnssMeasMsg",
+    "gnss_comm/GnssEphemMsg",
+    "gnss_comm/StampedFloat64Array",
 )
 """Message types that rosbags lacks, at least for ROS 1; their definitions lie in ``templates/ros``."""
 

@@ -11,6 +11,7 @@ from recorder.writers.ros import (
     camera_messages,
     compact_messages,
     driver_messages,
+    gnss_messages,
     motion_messages,
     point_messages,
 )
@@ -47,6 +48,9 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageParts, Message, Any], Message]]]
     "imu": ("sensor_msgs/msg/Imu", motion_messages.imu),
     "imu_g": ("sensor_msgs/msg/Imu", motion_messages.imu_g),
     "nav_sat_fix": ("sensor_msgs/msg/NavSatFix", motion_messages.nav_sat_fix),
+    "gnss_measurements": ("gnss_comm/msg/GnssMeasMsg", gnss_messages.measurements),
+    "gnss_ephemeris": ("gnss_comm/msg/GnssEphemMsg", gnss_messages.ephemeris),
+    "gnss_ionosphere": ("gnss_comm/msg/StampedFloat64Array", gnss_messages.ionosphere),
     "twist": ("geometry_msgs/msg/TwistStamped", motion_messages.twist),
     "wheel_joints": ("sensor_msgs/msg/JointState", motion_messages.wheel_joints),
     "objects": ("derived_object_msgs/msg/ObjectArray", motion_messages.objects),

@@ -1,0 +1,1 @@
+"""Raw measurements of satellite receivers: orbits, signals, the air, reflections, and positions."""
