@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.assets.catalog import GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
+from carlaloc_env.assets.catalog import ALL_VEHICLES, GAIT_PHASES, LOW_GAIT_PHASES, WALKERS
 from carlaloc_env.assets.model_library import vehicle
 from carlaloc_env.assets.vehicles.lit_lamps import LAMPS
 from carlaloc_env.assets.vehicles.vehicle_parts import VehicleParts
@@ -72,7 +72,7 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
 
     Args:
         library: Models of `assets.model_library.build_library`, or any that holds the plain names.
-        names: Families, keys of `VEHICLES` and `WALKERS`.
+        names: Families, keys of `ALL_VEHICLES` and `WALKERS`.
 
     Raises:
         ConfigError: no actor has such a name.
@@ -83,7 +83,7 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
     parts = [vehicle(name) if f"{name}/body" in models else None for name in names]
     wheels = [(f, w) for f, part in enumerate(parts) if part for w in part.wheels]
     plates = [(f, p) for f, part in enumerate(parts) if part for p in part.plates]
-    tags = [VEHICLES[name].tag.name if name in VEHICLES else "" for name in names]
+    tags = [ALL_VEHICLES[name].tag.name if name in ALL_VEHICLES else "" for name in names]
     return Families(
         whole=whole,
         body=body,
@@ -179,7 +179,7 @@ def steer_step(steer_rad: NDArray[np.floating]) -> Index:
 def steered_mesh(library: ModelLibrary, model: int, step: int) -> Mesh:
     """A model with its front wheels turned to one of the stored angles, as LiDAR sees it."""
     name, _, phase = library.names[model].partition("/")
-    whole = name in VEHICLES and (not phase or phase.isdigit())
+    whole = name in ALL_VEHICLES and (not phase or phase.isdigit())
     if step == 0 or not whole or f"{name}/body" not in library.names:
         return library.meshes[model]
     return vehicle(name).steered(step * STEER_STEP_RAD, int(phase or 0))
@@ -192,12 +192,12 @@ def _heads(name: str, library: ModelLibrary, models: set[str]) -> tuple[int, int
         coarse = f"{name}/low/00" in models
         low = library.index(f"{name}/low/00") if coarse else first
         return first, first, low, stand, library.index(f"{name}/low/stand") if coarse else stand
-    if name in VEHICLES:
+    if name in ALL_VEHICLES:
         whole = library.index(name)
         body = library.index(f"{name}/body") if f"{name}/body" in models else whole
         low = library.index(f"{name}/low") if f"{name}/low" in models else whole
         return whole, body, low, whole, low
-    raise ConfigError(unknown_name("actor model", name, (*VEHICLES, *WALKERS)))
+    raise ConfigError(unknown_name("actor model", name, (*ALL_VEHICLES, *WALKERS)))
 
 
 def _lamps(names: tuple[str, ...], library: ModelLibrary, models: set[str], lamp: str) -> Index:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from carlaloc_env.core.ego import EGO_SIZE_M, EGO_WHEELBASE_M
 from carlaloc_env.scene.mesh import Colour
 from carlaloc_env.scene.semantic_tags import Tag
 
@@ -105,7 +106,11 @@ _VEHICLES = (
     VehicleModel("bicycle", Tag.BICYCLE, (1.75, 0.60, 1.75), 1.05, 0.02, CYCLE_TINTS),
 )
 VEHICLES = {model.name: model for model in _VEHICLES}
-"""All vehicles by name."""
+"""All vehicles of the traffic by name."""
+EGO_MODEL = VehicleModel("electric_saloon", Tag.CAR, EGO_SIZE_M, EGO_WHEELBASE_M, 0.0)
+"""The ego's model, as other cars see it."""
+ALL_VEHICLES = {**VEHICLES, EGO_MODEL.name: EGO_MODEL}
+"""Vehicles of the traffic, and cars with physics of their own."""
 _WALKERS = (
     WalkerModel("walker_man", 1.76, 1.46, 1.38, 1.14, 0.60, 0.15),
     WalkerModel("walker_man_suit", 1.80, 1.50, 1.42, 1.16, 0.71, 0.10),

@@ -5,14 +5,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from carlaloc_env.assets.catalog import (
-    VEHICLES,
-)
+from carlaloc_env.assets.catalog import ALL_VEHICLES, EGO_MODEL, VEHICLES
 from carlaloc_env.assets.number_plates import PLATE_SIZE_M, PLATES
 from carlaloc_env.assets.primitives import Look, disc
 from carlaloc_env.assets.vehicles.buses import bus
 from carlaloc_env.assets.vehicles.car_models import CARS
-from carlaloc_env.assets.vehicles.cars import car, ego_body
+from carlaloc_env.assets.vehicles.cars import EGO_SPEC, car, ego_body
 from carlaloc_env.assets.vehicles.cycles import bicycle, motorcycle
 from carlaloc_env.assets.vehicles.lit_lamps import lit_lamps
 from carlaloc_env.assets.vehicles.trucks import truck
@@ -44,13 +42,15 @@ _LENSES = {
 }
 
 
-@lru_cache(maxsize=len(VEHICLES))
+@lru_cache(maxsize=len(ALL_VEHICLES))
 def vehicle(name: str) -> VehicleParts:
     """Parts of a vehicle, centred on its box, resting on z = 0, nose along +x.
 
     Raises:
         ConfigError: no vehicle has this name.
     """
+    if name == EGO_MODEL.name:
+        return car(EGO_SPEC)
     if name in CARS:
         return car(CARS[name])
     if name in _OTHERS:
@@ -64,7 +64,7 @@ def build_library() -> ModelLibrary:
 
     Vehicles and their parts, walkers in each phase of their gait, the ego's body, lit signal lenses.
 
-    Names, for every key of `VEHICLES`: ``name`` the whole vehicle, wheels straight; ``name/body`` without
+    Names, for every key of `ALL_VEHICLES`: ``name`` the whole vehicle, wheels straight; ``name/body`` without
     wheels and plates; ``name/wheel0`` … its wheels; ``name/low`` the whole in few triangles;
     ``name/brake``, ``name/left``, ``name/right``, ``name/reverse`` lit lamps, and the same under
     ``name/low/``. Cycles have their further phases of pedalling behind ``name``, ``name/body`` and
@@ -100,16 +100,7 @@ def make_models() -> dict[str, Mesh]:
     """The models of `build_library` by name, made anew."""
     models: dict[str, Mesh] = {}
     for name in VEHICLES:
-        parts = vehicle(name)
-        models[name] = parts.whole
-        models |= {f"{name}/{k + 1:02d}": parts.steered(0.0, k + 1) for k in range(len(parts.pedalled))}
-        bodies, lows = zip((parts.body, parts.low), *parts.pedalled, strict=True)
-        for kind, phases in (("body", bodies), ("low", lows)):
-            models[f"{name}/{kind}"] = phases[0]
-            models |= {f"{name}/{kind}/{k:02d}": mesh for k, mesh in enumerate(phases[1:], 1)}
-        for k, mesh in enumerate(dict.fromkeys(mount.mesh for mount in parts.wheels)):
-            models[f"{name}/wheel{k}"] = mesh
-        models.update(lit_lamps(name, parts.body))
+        models.update(_vehicle_models(name))
     models.update(_plates())
     models.update(walker_models())
     models["ego"] = ego_body()
@@ -117,7 +108,21 @@ def make_models() -> dict[str, Mesh]:
     models |= {name: mesh for name, mesh in lit.items() if "/low/" not in name}
     for name, material in _LENSES.items():
         models[name] = disc(Look(material, Tag.TRAFFIC_LIGHT), LENS_RADIUS_M, 16, LENS_LIFT_M)
-    return models
+    return models | _vehicle_models(EGO_MODEL.name)
+
+
+def _vehicle_models(name: str) -> dict[str, Mesh]:
+    """Whole vehicle, body, few triangles, wheels and lit lamps."""
+    parts = vehicle(name)
+    models = {name: parts.whole}
+    models |= {f"{name}/{k + 1:02d}": parts.steered(0.0, k + 1) for k in range(len(parts.pedalled))}
+    bodies, lows = zip((parts.body, parts.low), *parts.pedalled, strict=True)
+    for kind, phases in (("body", bodies), ("low", lows)):
+        models[f"{name}/{kind}"] = phases[0]
+        models |= {f"{name}/{kind}/{k:02d}": mesh for k, mesh in enumerate(phases[1:], 1)}
+    for k, mesh in enumerate(dict.fromkeys(mount.mesh for mount in parts.wheels)):
+        models[f"{name}/wheel{k}"] = mesh
+    return models | lit_lamps(name, parts.body)
 
 
 def _plates() -> dict[str, Mesh]:

@@ -13,12 +13,12 @@ from carlaloc_env.physics.bullet import pybullet
 from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame, came_in_elsewhere
 
 MAX_BOXES = 32
-"""Actors that exist in the collision world at once."""
+"""Actors that exist in the collision world at once, for each car."""
 _NEAR_M = 16.0
-"""Actors this close to the ego have a box, along x, y and z [m]: no two could touch from farther apart in a
+"""Actors this close to a car have a box, along x, y and z [m]: no two could touch from farther apart in a
 step."""
 _MAX_BODIES = 64
-"""Bodies that are made at most; boxes of one size are used again."""
+"""Bodies that are made at most for each car; boxes of one size are used again."""
 _PARKED_M = -1000.0
 """Height at which unused bodies wait [m]."""
 _Size = tuple[float, float, float]
@@ -26,7 +26,7 @@ _Size = tuple[float, float, float]
 
 
 class ActorPool:
-    """Boxes of actors near the ego, set at every step and moved at every tick.
+    """Boxes of actors near cars, set at every step and moved at every tick.
 
     Args:
         client: PyBullet's id of the world.
@@ -44,6 +44,7 @@ class ActorPool:
         self._actor: dict[int, int] = {}
         self._moving: list[tuple[int, list[float], list[float], list[float]]] = []
         self._ticks = 0
+        self._most_bodies = _MAX_BODIES
 
     def update(
         self,
@@ -58,7 +59,7 @@ class ActorPool:
         Args:
             frame: State of all actors at a step.
             catalog: Their sizes.
-            near_m: Where the ego is [m], world, shape (3,).
+            near_m: Where the cars are [m], world, shape (C, 3).
             following: State one step later; without it actors keep their speed.
             ticks: Ticks that have passed since the step.
         """
@@ -66,8 +67,10 @@ class ActorPool:
         motion = frame.heading_rad, frame.pitch_rad, frame.roll_rad, frame.speed_mps
         count = _put_near(frame.position_m, *motion, catalog.size_m, near_m, near, boxes)
         near, boxes = near[:count], boxes[:count]
-        if count > MAX_BOXES:
-            nearest = np.argsort(boxes[:, 10], kind="stable")[:MAX_BOXES]
+        most = MAX_BOXES * len(near_m)
+        self._most_bodies = _MAX_BODIES * len(near_m)
+        if count > most:
+            nearest = np.argsort(boxes[:, 10], kind="stable")[:most]
             near, boxes = near[nearest], boxes[nearest]
         wanted = dict(zip(catalog.id[near].tolist(), near.tolist(), strict=True))
         for actor in [a for a in self._lent if a not in wanted]:
@@ -121,7 +124,7 @@ class ActorPool:
     def _give_back(self, actor: int) -> None:
         body, size = self._lent.pop(actor)
         del self._actor[body]
-        if len(self._lent) + sum(map(len, self._free.values())) >= _MAX_BODIES:
+        if len(self._lent) + sum(map(len, self._free.values())) >= self._most_bodies:
             pybullet.removeBody(body, physicsClientId=self._client)
             return
         self._free[size].append(body)
@@ -144,14 +147,17 @@ def _put_near(
     position_m: F32, heading_rad: F32, pitch_rad: F32, roll_rad: F32, speed_mps: F32, size_m: F32,
     near_m: Array, near: Index, boxes: Array,
 ) -> int:  # fmt: skip
-    """Write numbers (N,) and boxes of the actors near a point, as many as the result.
+    """Write numbers (N,) and boxes of the actors near some points (C, 3), as many as the result.
 
     A box has eleven numbers: its centre [m], attitude, velocity as it goes now [m/s], and distance [m].
     """
     count = 0
     for n in range(len(heading_rad)):
         x, y, z = float(position_m[n, 0]), float(position_m[n, 1]), float(position_m[n, 2])
-        away_m = max(abs(x - near_m[0]), abs(y - near_m[1]), abs(z - near_m[2]))
+        away_m = np.inf
+        for c in range(len(near_m)):
+            apart = max(abs(x - near_m[c, 0]), abs(y - near_m[c, 1]), abs(z - near_m[c, 2]))
+            away_m = min(away_m, apart)
         if away_m >= _NEAR_M:
             continue
         heading, pitch, roll = float(heading_rad[n]), float(pitch_rad[n]), float(roll_rad[n])

@@ -1,4 +1,4 @@
-"""Contacts of the ego's body with other things, added up until they are read."""
+"""Contacts of a car's body with other things, added up until they are read."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ Vector3 = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
-    """One thing that the ego's body touched since the last query."""
+    """One thing that a car's body touched since the last query."""
 
     actor_id: int | None
-    """Instance id of the actor, None for the static town."""
+    """Instance id of the actor or other car, None for the static town."""
     impulse_ns: float
     """Sum of the normal impulses [N s]."""
     position_m: Vector3

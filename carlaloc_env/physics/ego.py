@@ -3,6 +3,7 @@
 The car as PyBullet knows it, one body: the forces of a tick on it, and what its pose and speeds mean.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import NamedTuple
@@ -136,7 +137,7 @@ def _motion(pose: Pose, twist: Twist) -> BodyMotion:
 
 
 _SETTLE_TICKS = 400
-"""Ticks after which the car rests on its springs."""
+"""Ticks after which a car rests on its springs."""
 _PARKED = Controls(handbrake=True, brake=1.0)
 """Controls of a standing car."""
 
@@ -170,9 +171,10 @@ class EgoState:
 
 
 class EgoCar:
-    """The ego's body, suspension, tyres and motor in a `PhysicsWorld`; one car per world.
+    """A car's body, suspension, tyres and motor in a `PhysicsWorld`, alone there or among others.
 
     Call `reset` first. The same calls in the same order give the same bytes.
+    Cars that share a world are placed, settled, pushed and read together, the world is stepped once between.
 
     Args:
         world: Where it drives.
@@ -187,7 +189,10 @@ class EgoCar:
         self._tables = car_tables(p)
         self._wheels, self._drive = self._tables.wheels, self._tables.drive
         self._fixed = (self._tables, world.ground, rough)
-        self._body = -1
+        self.body = -1
+        """PyBullet's id of its body."""
+        self.actor_id: int | None = None
+        """Instance id by which other cars name it that touch it, from the next `place` on."""
         self._pose: Pose = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         self._twist: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._push, self._base_motion = same_types(push_car), same_types(base_motion)
@@ -211,20 +216,38 @@ class EgoCar:
         Raises:
             ConfigError: there is no road under one of the wheels.
         """
+        self.place(position_m, heading_rad)
+        settle_cars(self._world, [self])
+        return self.state()
+
+    def remove(self) -> None:
+        """Take the car out of the world; `place` brings it back."""
+        # PyBullet gives the number of a removed body to another one.
+        self._world.remove_car(self.body)
+        self.body = -1
+
+    def place(self, position_m: ArrayLike, heading_rad: float) -> None:
+        """Put the car on the road, as `reset` says, without letting it settle."""
         wanted = np.asarray(position_m, dtype=np.float64)
         base, quat = self._place_on_road(wanted, float(heading_rad))
         com = base + transforms.quat_rotate(quat, [-o for o in self._offset])
         self._renew_body(com, quat)
         self._drive[:] = 0.0
         settle(self._wheels)
-        self._read()
-        for _ in range(_SETTLE_TICKS):
-            self.tick(_PARKED)
-        self._world.contacts()
-        return self.state()
+        self.read()
 
     def tick(self, controls: Controls) -> None:
-        """Advance the car and its world by 5 ms.
+        """Advance a car that is alone, and its world, by 5 ms.
+
+        Raises:
+            ActionError: a control is not finite or out of range; nothing has moved then.
+        """
+        self.push(controls)
+        self._world.step()
+        self.read()
+
+    def push(self, controls: Controls) -> None:
+        """Let wheels and motor act on the body in the world's next step.
 
         Raises:
             ActionError: a control is not finite or out of range; nothing has moved then.
@@ -242,31 +265,31 @@ class EgoCar:
         client, friction = self._world.client, self._world.friction
         force, torque = self._push(*self._fixed, self._pose, self._twist, self._pedals, friction)
         pybullet.applyExternalForce(
-            self._body, -1, force, self._pose[0], pybullet.WORLD_FRAME, physicsClientId=client
+            self.body, -1, force, self._pose[0], pybullet.WORLD_FRAME, physicsClientId=client
         )
-        pybullet.applyExternalTorque(self._body, -1, torque, pybullet.WORLD_FRAME, physicsClientId=client)
-        self._world.step()
-        self._read()
+        pybullet.applyExternalTorque(self.body, -1, torque, pybullet.WORLD_FRAME, physicsClientId=client)
 
     @property
     def speed_mps(self) -> float:
         """Forward speed of `base_link` [m/s]."""
         return self._base.speed_mps
 
-    def follow(self, ego: EgoTrack, car: CarTrack, controls: Controls) -> EgoTick:
+    def follow(self, ego: EgoTrack, car: CarTrack, controls: Controls) -> None:
         """Append the state after the last tick, and the controls that led there, to its tracks."""
-        base, road_wheel_rad = self._base, self._drive["steer_rad"].item()
-        spin_radps = self._wheels["spin_radps"].tolist()
-        ego.append(base.position_m, self._pose[1])
-        car.append(spin_radps, road_wheel_rad, controls)
+        ego.append(self._base.position_m, self._pose[1])
+        car.append(self._wheels["spin_radps"].tolist(), self._drive["steer_rad"].item(), controls)
+
+    def plain_state(self) -> EgoTick:
+        """State after the last tick in plain numbers."""
+        base = self._base
         return EgoTick(
             base.position_m,
             self._pose[1],
             base.velocity_world_mps,
             base.omega_body_radps,
-            road_wheel_rad,
+            self._drive["steer_rad"].item(),
             base.speed_mps,
-            spin_radps,
+            self._wheels["spin_radps"].tolist(),
         )
 
     def state(self) -> EgoState:
@@ -286,17 +309,20 @@ class EgoCar:
             wheel_load_n=tuple(wheels["load_n"].tolist()),
         )
 
-    def _read(self) -> None:
+    def read(self) -> None:
+        """Take over what the world's step has done to the body."""
         client = self._world.client
-        self._pose = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=client)
-        self._twist = pybullet.getBaseVelocity(self._body, physicsClientId=client)
+        self._pose = pybullet.getBasePositionAndOrientation(self.body, physicsClientId=client)
+        self._twist = pybullet.getBaseVelocity(self.body, physicsClientId=client)
         self._speed_before_mps = self._base.speed_mps
         self._base = self._base_motion(self._tables.car, self._pose, self._twist)
 
     def _renew_body(self, com_m: Array, quat_xyzw: Array) -> None:
         p = self._params
         low, high = np.array(p.body_min_m), np.array(p.body_max_m)
-        self._body = self._world.renew_ego(
+        self.remove()
+        self.body = self._world.add_car(
+            actor_id=self.actor_id,
             mass_kg=p.mass_kg,
             inertia_kgm2=p.inertia_kgm2,
             half_extents_m=(0.5 * (high - low)).tolist(),
@@ -332,3 +358,15 @@ class EgoCar:
         R = np.stack([x_axis, transforms.cross(up, x_axis), up], axis=-1)
         base = np.array([wanted_m[0], wanted_m[1], 0.5 * (rl + rr)])
         return base, transforms.matrix_to_quat(R)
+
+
+def settle_cars(world: PhysicsWorld, cars: Sequence[EgoCar]) -> None:
+    """Let cars that have just been placed rest on their springs, handbrakes on."""
+    for _ in range(_SETTLE_TICKS):
+        for car in cars:
+            car.push(_PARKED)
+        world.step()
+        for car in cars:
+            car.read()
+    for car in cars:
+        world.contacts(car.body)

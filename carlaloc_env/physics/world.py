@@ -1,4 +1,4 @@
-"""The collision world: the town as a concave mesh and a pool of boxes for nearby actors."""
+"""The collision world: the town as a concave mesh, cars, and a pool of boxes for nearby actors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from carlaloc_env.road.road_profile import Roughness
 from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 
 GROUP_STATIC, GROUP_EGO, GROUP_ACTOR = 1, 2, 4
-"""Collision groups; actors touch nothing but the ego."""
+"""Collision groups; actors touch nothing but cars."""
 _MESH_TRIANGLES = 100_000
 """Triangles of one collision mesh at most."""
 _CONTACT_ERP = 0.05
@@ -75,8 +75,8 @@ class PhysicsWorld:
         for part in _mesh_parts(vertices, triangles):
             self._add_static(vertices, part)
         self._actors = ActorPool(self._client, GROUP_ACTOR, GROUP_EGO)
-        self._contacts = ContactLog()
-        self._ego_body = -1
+        self._contacts: dict[int, ContactLog] = {}
+        self._car_ids: dict[int, int | None] = {}
         # PyBullet keeps shapes when their body is removed: one for each box.
         self._ego_shapes: dict[tuple[float, ...], int] = {}
 
@@ -103,7 +103,7 @@ class PhysicsWorld:
     def set_actors(
         self, frame: ActorFrame, catalog: ActorCatalog, following: ActorFrame | None = None, *, ticks: int = 0
     ) -> None:
-        """Place boxes for the actors around the ego, which then move on by themselves.
+        """Place boxes for the actors around the cars, which then move on by themselves.
 
         Args:
             frame: State of all actors at a 50 ms step.
@@ -111,18 +111,28 @@ class PhysicsWorld:
             following: State one step later; without it actors keep their speed until the next call.
             ticks: Ticks that have passed since that step.
         """
-        if self._ego_body < 0 or len(frame) == 0:
+        if not self._contacts or len(frame) == 0:
             return
-        ego, _ = pybullet.getBasePositionAndOrientation(self._ego_body, physicsClientId=self._client)
-        self._actors.update(frame, catalog, np.array(ego), following, ticks)
+        poses = [
+            pybullet.getBasePositionAndOrientation(car, physicsClientId=self._client)
+            for car in self._contacts
+        ]
+        self._actors.update(frame, catalog, np.array([centre_m for centre_m, _ in poses]), following, ticks)
 
-    def contacts(self) -> list[Contact]:
-        """Contacts of the ego's body since the last call, hardest first."""
-        return self._contacts.take()
+    def contacts(self, car: int | None = None) -> list[Contact]:
+        """Contacts of a car's body, of the first one if none is given, since the last call, hardest first."""
+        return self._contacts[next(iter(self._contacts)) if car is None else car].take()
 
-    def renew_ego(
+    def remove_car(self, car: int) -> None:
+        """Take the body of a car out of the world, if it is there."""
+        self._actors.clear()
+        if self._contacts.pop(car, None) is not None:
+            pybullet.removeBody(car, physicsClientId=self._client)
+
+    def add_car(
         self,
         *,
+        actor_id: int | None,
         mass_kg: float,
         inertia_kgm2: Vector3,
         half_extents_m: list[float],
@@ -130,9 +140,10 @@ class PhysicsWorld:
         position_m: list[float],
         quat_xyzw: list[float],
     ) -> int:
-        """Make the ego's body afresh, because a kept one would remember old contacts.
+        """Make the body of a car; a kept one would remember old contacts.
 
         Args:
+            actor_id: Instance id of the car in contacts of other cars.
             mass_kg: Mass.
             inertia_kgm2: Moments about the centre of mass, which is the body's origin.
             half_extents_m: Half the size of its collision box, shape (3,).
@@ -144,9 +155,6 @@ class PhysicsWorld:
             PyBullet's id of the body.
         """
         client = self._client
-        self._actors.clear()
-        if self._ego_body >= 0:
-            pybullet.removeBody(self._ego_body, physicsClientId=client)
         box = (*half_extents_m, *box_centre_m)
         if box not in self._ego_shapes:
             self._ego_shapes[box] = pybullet.createCollisionShape(
@@ -170,19 +178,19 @@ class PhysicsWorld:
             physicsClientId=client,
         )
         pybullet.setCollisionFilterGroupMask(
-            body, -1, GROUP_EGO, GROUP_STATIC | GROUP_ACTOR, physicsClientId=client
+            body, -1, GROUP_EGO, GROUP_STATIC | GROUP_ACTOR | GROUP_EGO, physicsClientId=client
         )
-        self._ego_body = body
-        self._contacts.take()
+        self._contacts[body], self._car_ids[body] = ContactLog(), actor_id
         return body
 
     def step(self) -> None:
         """Advance by one tick."""
         self._actors.advance()
         pybullet.stepSimulation(physicsClientId=self._client)
-        points = pybullet.getContactPoints(self._ego_body, physicsClientId=self._client)
-        if points:
-            self._contacts.add(points, self._actors.actor_of)
+        for car, log in self._contacts.items():
+            points = pybullet.getContactPoints(car, physicsClientId=self._client)
+            if points:
+                log.add(points, self._actor_of)
 
     def close(self) -> None:
         """Free the PyBullet server; may be called twice."""
@@ -195,6 +203,9 @@ class PhysicsWorld:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _actor_of(self, body: int) -> int | None:
+        return self._car_ids[body] if body in self._contacts else self._actors.actor_of(body)
 
     def _add_static(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
         used, index = np.unique(triangles, return_inverse=True)

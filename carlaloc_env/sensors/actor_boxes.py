@@ -75,7 +75,8 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> ActorBoxes:
     """Boxes of all actors at a time [ns].
 
     Velocities are those of the positions that images and rays show: actors move straight between
-    50 ms steps, so the velocity is that of the stretch which ends at or contains the stamp.
+    50 ms steps, so the velocity is that of the stretch which ends at or contains the stamp. Cars with
+    physics of their own have that of their spline.
     """
     catalog = timeline.catalog
     count = len(catalog)
@@ -104,6 +105,9 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> ActorBoxes:
         span_s = (stamp_ns - begin) * 1e-9
         velocity = (position - position_before) / span_s
         rate = wrap_angle(heading - heading_before) / span_s
+    driven_velocity, driven_rate = timeline.car_rates_at(stamp_ns)
+    if len(driven_rate):
+        velocity[-len(driven_rate) :], rate[-len(driven_rate) :] = driven_velocity, driven_rate
     pitch, roll = np.where(upright, 0.0, pitch), np.where(upright, 0.0, roll)
     centre = position.copy()
     lift = 0.5 * size[:, 2]

@@ -119,3 +119,17 @@ def empty_frame() -> ActorFrame:
         steer_rad=zero,
         lights=np.zeros(0, np.uint8),
     )
+
+
+def joined_catalogs(first: ActorCatalog, second: ActorCatalog) -> ActorCatalog:
+    """Actors of one catalogue, then those of another."""
+    arrays = {n: (getattr(first, n), getattr(second, n)) for n in ActorCatalog.__slots__ if n != "model"}
+    return ActorCatalog(
+        model=first.model + second.model, **{n: np.concatenate(pair) for n, pair in arrays.items()}
+    )
+
+
+def joined_frames(first: ActorFrame, second: ActorFrame) -> ActorFrame:
+    """Actors of one frame, then those of another."""
+    values = {name: (getattr(first, name), getattr(second, name)) for name in ActorFrame.__slots__}
+    return ActorFrame(**{name: np.concatenate(pair) for name, pair in values.items()})

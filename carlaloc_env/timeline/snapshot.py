@@ -18,10 +18,8 @@ from carlaloc_env.timeline.actors import (
     empty_frame,
 )
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.timeline.vehicle_track import CarTrack
+from carlaloc_env.timeline.vehicle_track import BRAKE_FRACTION, CarTrack
 
-BRAKE_FRACTION = 0.02
-"""Fraction of the pedal's travel from which the ego's brake lamps are lit."""
 _BLINK_NS = 666_666_666
 """Period of the indicators [ns]."""
 

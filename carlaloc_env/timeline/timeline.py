@@ -14,10 +14,17 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame, came_in_elsewhere
+from carlaloc_env.timeline.actors import (
+    ActorCatalog,
+    ActorFrame,
+    came_in_elsewhere,
+    joined_catalogs,
+    joined_frames,
+)
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
 if TYPE_CHECKING:
+    from carlaloc_env.timeline.driven_cars import DrivenCars
     from carlaloc_env.timeline.ego_spline import EgoTrack
     from carlaloc_env.timeline.motion import Motion
 
@@ -44,13 +51,34 @@ class Timeline:
     """Ego, actors and signals over time.
 
     Actor frames and signal states lie on the 50 ms step grid (stamp = step · 50 ms); actors move
-    linearly in between, signals hold their state until the next frame.
+    linearly in between, signals hold their state until the next frame. Other cars with physics of their own
+    are the last actors of the catalogue, and move along their splines.
+
+    Args:
+        catalog: Road users of the traffic.
+        ego: The ego's motion.
+        car: Its wheels and pedals.
+        cars: All cars of the drive, where there are several.
+        own: Which of them is the ego.
     """
 
     def __init__(
-        self, catalog: ActorCatalog, *, ego: EgoTrack | None = None, car: CarTrack | None = None
+        self,
+        catalog: ActorCatalog,
+        *,
+        ego: EgoTrack | None = None,
+        car: CarTrack | None = None,
+        cars: DrivenCars | None = None,
+        own: int = 0,
     ) -> None:
+        self._traffic, self._cars, self._own = catalog, cars, own
+        self._others = np.zeros(0, np.intp)
         self.catalog = catalog
+        """All actors: the traffic, then the other cars."""
+        if cars is not None:
+            ego, car = cars.tracks[own]
+            self._others = np.delete(np.arange(len(cars)), own)
+            self.catalog = joined_catalogs(catalog, cars.catalog.take(self._others))
         if ego is None:
             # Here, since numba takes half a second to import, and much is read without any motion.
             from carlaloc_env.timeline.ego_spline import EgoTrack
@@ -74,9 +102,9 @@ class Timeline:
         return max(self.ego.start_ns, self._first_step * STEP_NS)
 
     def append_step(self, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
-        """Add the actors' and signals' state of the next 50 ms step."""
-        if len(frame) != len(self.catalog):
-            raise ValueError(f"frame of {len(frame)} actors, catalogue of {len(self.catalog)}")
+        """Add the traffic's and signals' state of the next 50 ms step."""
+        if len(frame) != len(self._traffic):
+            raise ValueError(f"frame of {len(frame)} actors, catalogue of {len(self._traffic)}")
         self._frames.append(frame)
         self._signals.append(signals)
 
@@ -104,6 +132,13 @@ class Timeline:
 
     def actors_at(self, stamp_ns: int) -> ActorFrame:
         """State of all actors at one time [ns]."""
+        traffic = self.traffic_at(stamp_ns)
+        if self._cars is None:
+            return traffic
+        return joined_frames(traffic, self._cars.frame_at(stamp_ns).take(self._others))
+
+    def traffic_at(self, stamp_ns: int) -> ActorFrame:
+        """State of the traffic alone at one time [ns]."""
         a, b, fraction = self._bracket(stamp_ns)
         if fraction == 0.0:
             return a
@@ -122,6 +157,24 @@ class Timeline:
             index: One actor for all times, or an actor for each time, shape (M,).
             stamps_ns: Times since the drive began [ns], shape (M,).
         """
+        if self._cars is None:
+            return self._traffic_poses(index, stamps_ns)
+        index = np.broadcast_to(index, stamps_ns.shape)
+        out, driven = np.empty((len(stamps_ns), 6)), index >= len(self._traffic)
+        if not driven.all():
+            out[~driven] = np.column_stack(self._traffic_poses(index[~driven], stamps_ns[~driven]))
+        if driven.any():
+            car = self._others[index[driven] - len(self._traffic)]
+            out[driven] = self._cars.poses(car, stamps_ns[driven])
+        return ActorPoses(out[:, :3], out[:, 3], out[:, 4], out[:, 5])
+
+    def car_rates_at(self, stamp_ns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Velocities [m/s] (K, 3) and yaw rates [rad/s] (K,) of the other cars, the last actors."""
+        if self._cars is None:
+            return np.zeros((0, 3)), np.zeros(0)
+        return self._cars.rates_at(self._others, stamp_ns)
+
+    def _traffic_poses(self, index: int | NDArray[np.intp], stamps_ns: NDArray[np.int64]) -> ActorPoses:
         step = stamps_ns // STEP_NS - self._first_step
         first, last = int(step.min()), int(step.max()) + 1
         frames = [self._frames[min(k, len(self._frames) - 1)] for k in range(first, last + 1)]
@@ -130,7 +183,7 @@ class Timeline:
             for name in ActorPoses._fields
         )
         still = came_in_elsewhere(np.diff(position, axis=0), np.diff(heading, axis=0))
-        row = (step - first) * len(self.catalog) + index
+        row = (step - first) * len(self._traffic) + index
         fraction = (stamps_ns % STEP_NS) / STEP_NS
 
         def between(
@@ -154,8 +207,9 @@ class Timeline:
         return self._signals[min(max(step, 0), len(self._signals) - 1)]
 
     def select_actors(self, index: NDArray[np.intp]) -> Timeline:
-        """The same drive with some of the actors only; the ego's track is shared."""
-        view = Timeline(self.catalog.take(index), ego=self.ego, car=self.car)
+        """The same drive with some of the traffic only; cars with physics of their own always remain."""
+        index = index[index < len(self._traffic)]
+        view = Timeline(self._traffic.take(index), ego=self.ego, car=self.car, cars=self._cars, own=self._own)
         view._frames = [frame.take(index) for frame in self._frames]
         view._signals = self._signals
         view._first_step = self._first_step

@@ -15,6 +15,8 @@ from carlaloc_env.core.errors import EpisodeError
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 """Order of the wheels in all arrays."""
+BRAKE_FRACTION = 0.02
+"""Fraction of the pedal's travel from which brake lamps are lit."""
 _WIDTH = 13
 """Columns: four angles, four spins, road wheel, throttle, brake, reverse, handbrake."""
 

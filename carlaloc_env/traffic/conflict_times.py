@@ -52,8 +52,8 @@ def zones_clear(
     Args:
         requests: Holders of all lanes.
         roads: The roads.
-        drivers: Drivers, (N + 1,).
-        fleet: State, (N + 1,).
+        drivers: Drivers, (N + C,).
+        fleet: State, (N + C,).
         v: The vehicle.
         hop: Index in its plan of the first junction lane.
         distance_m: From its front to that lane [m].
@@ -95,8 +95,8 @@ def is_conflict_free(
 
     Args:
         roads: The roads.
-        drivers: Drivers, (N + 1,).
-        fleet: State, (N + 1,).
+        drivers: Drivers, (N + C,).
+        fleet: State, (N + C,).
         v: The vehicle that would enter.
         ahead_m: From its front to the beginning of the lane that has the zone [m].
         z: Row of `roads.zone`, as seen from that lane.

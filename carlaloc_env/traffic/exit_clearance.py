@@ -23,7 +23,9 @@ _GAP_M = 2.0
 def claim_rooms(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet) -> None:
     """Claim the room [m] of all vehicles admitted and not yet through; writes `claimed`, (lanes,)."""
     requests.claimed[:] = 0.0
-    for v in range(len(fleet.speed_mps) - 1):
+    for v in range(len(fleet.speed_mps)):
+        if fleet.is_ego[v]:
+            break
         for k in range(HELD):
             lane = fleet.held_lane[v, k]
             if lane >= 0 and fleet.held_front_m[v, k] < roads.lane.length_m[lane]:

@@ -92,7 +92,7 @@ def collect_requests(
     """Collect requests to enter junctions, sorted by urgency.
 
     Writes `fleet.stop_gap_m`, where vehicles must stop that may not enter [m], `at_stop_sign`, `refused`
-    and `blocker`, each (N + 1,).
+    and `blocker`, each (N + C,).
     """
     requests.used[0] = 0
     for v in range(count):

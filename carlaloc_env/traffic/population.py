@@ -34,8 +34,8 @@ def draw_vehicles(config: TrafficConfig) -> tuple[list[str], NDArray[np.uint8]]:
     return names, np.array([draw_tint(draw, VEHICLES[name].tints) for name in names], np.uint8)
 
 
-def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
-    """Drivers of N vehicles, the ego in the last row, (N + 1,).
+def draw_drivers(names: list[str], config: TrafficConfig, egos: int) -> Drivers:
+    """Drivers of N vehicles, the egos in the last rows, (N + C,).
 
     Headways as in towns (Treiber & Kesting, "Traffic Flow Dynamics", ch. 11); accelerations up to those of
     SUMO's vehicle classes.
@@ -59,11 +59,11 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     ego = EgoView(position_m=(0.0, 0.0, 0.0), heading_rad=0.0, speed_mps=0.0)
 
     def with_ego(values: Array, of_ego: float) -> Array:
-        return np.append(values.astype(np.float64), of_ego)
+        return np.append(values.astype(np.float64), np.full(egos, of_ego))
 
     return fill(
         Drivers,
-        count + 1,
+        count + egos,
         length_m=with_ego(np.array([model.size_m[0] for model in models]), ego.length_m),
         width_m=with_ego(np.array([model.size_m[1] for model in models]), ego.width_m),
         wheelbase_m=with_ego(np.array([model.wheelbase_m for model in models]), EGO_WHEELBASE_M),

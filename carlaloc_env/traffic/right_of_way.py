@@ -43,7 +43,7 @@ def admit(requests: Requests, occupancy: Occupancy, roads: Roads, drivers: Drive
     """Grant requests in order where leaders, room and zones allow.
 
     Those admitted hold their junction lanes (`fleet.held_lane`, `held_front_m` [m], `held_ticket`, each
-    (N + 1, HELD)) and need not stop; `fleet.refused` has the reason why others are not, (N + 1,).
+    (N + C, HELD)) and need not stop; `fleet.refused` has the reason why others are not, (N + C,).
     """
     claim_rooms(requests, roads, drivers, fleet)
     for k in range(len(requests.queue.vehicle)):
@@ -81,7 +81,7 @@ def _waits_in_a_ring(fleet: Fleet, v: int) -> bool:
             other = fleet.leader[other]
         if other == v:
             return True
-        if other < v or other == len(fleet.speed_mps) - 1:
+        if other < v or fleet.is_ego[other]:
             return False
     return False
 
@@ -110,7 +110,7 @@ def _leader_waits(roads: Roads, fleet: Fleet, v: int, lane: int, distance_m: flo
     leader = fleet.leader[v]
     if leader < 0 or fleet.gap_m[v] > distance_m:
         return False
-    if leader == len(fleet.speed_mps) - 1:
+    if fleet.is_ego[leader]:
         return True
     here = roads.lane.junction[lane]
     if roads.lane.junction[fleet.plan[leader, 0]] == here:

@@ -20,7 +20,7 @@ from carlaloc_env.traffic.tables.vehicle_state import (
     Fleet,
     empty_fleet,
 )
-from carlaloc_env.traffic.vehicles.ego_agent import EgoBox, LaneCells, add_ego
+from carlaloc_env.traffic.vehicles.ego_agent import EgoBoxes, LaneCells, add_ego, box_of
 from carlaloc_env.traffic.vehicles.lane_changes import decide_lane_changes
 from carlaloc_env.traffic.vehicles.lane_plans import measure_density, plan_ahead
 from carlaloc_env.traffic.vehicles.lateral import move_laterally
@@ -65,11 +65,11 @@ class Traffic(NamedTuple):
     """Vehicles, their drivers, and what one step works out about them; arrays are written in place."""
 
     drivers: Drivers
-    """Fixed properties, the ego in the last row, (N + 1,)."""
+    """Fixed properties, the egos in the last rows, (N + C,)."""
     parameters: DriverParameters
     """What applies to all drivers."""
     fleet: Fleet
-    """State, the ego in the last row, (N + 1,)."""
+    """State, the egos in the last rows, (N + C,)."""
     occupancy: Occupancy
     """Bodies on every lane."""
     requests: Requests
@@ -81,14 +81,14 @@ class Traffic(NamedTuple):
     last_change: Index
     """Step at which a vehicle last moved into each lane, (lanes,)."""
     desired_mps2: Array
-    """Acceleration that each driver wants [m/s²], (N + 1,)."""
+    """Acceleration that each driver wants [m/s²], (N + C,)."""
 
 
 class StepInput(NamedTuple):
     """Rest of the world as vehicles see it in one step."""
 
-    ego: EgoBox
-    """The ego's box."""
+    egos: EgoBoxes
+    """Boxes of the egos, (C,)."""
     signals: NDArray[np.uint8]
     """`SignalState` of each head, (S,)."""
     red_in_s: Array
@@ -106,11 +106,12 @@ def _observe(area: VehicleMap, traffic: Traffic, seen: StepInput) -> bool:
     It changes nothing that it reads, so that it can be repeated with larger tables.
     """
     roads, drivers, fleet, occupancy = area.roads, traffic.drivers, traffic.fleet, traffic.occupancy
-    count = len(fleet.speed_mps) - 1
+    count = len(fleet.speed_mps) - len(seen.egos.speed_mps)
     if seen.step % DENSITY_EVERY == 0:
         measure_density(roads, fleet, drivers.length_m, area.open_fraction, count, traffic.density)
     gather_bodies(occupancy, roads, drivers, fleet, count)
-    add_ego(occupancy, area.cells, roads, fleet, seen.ego)
+    for ego in range(len(seen.egos.speed_mps)):
+        add_ego(occupancy, area.cells, roads, fleet, count + ego, box_of(seen.egos, ego))
     if occupancy.used[0] > len(occupancy.order):
         return False
     sort_bodies(occupancy)
@@ -124,13 +125,13 @@ def _advance(area: VehicleMap, traffic: Traffic, seen: StepInput) -> None:
     roads, drivers, parameters, fleet = area.roads, traffic.drivers, traffic.parameters, traffic.fleet
     occupancy, requests, density = traffic.occupancy, traffic.requests, traffic.density
     desired, last_change, step = traffic.desired_mps2, traffic.last_change, seen.step
-    count = len(fleet.speed_mps) - 1
+    count = len(fleet.speed_mps) - len(seen.egos.speed_mps)
     list_holders(requests, fleet)
     follow_leaders(occupancy, roads, drivers, fleet, parameters, desired, count, step)
     make_room_for_changes(occupancy, roads, drivers, fleet, desired, count)
     collect_requests(requests, roads, drivers, fleet, parameters, seen.signals, seen.red_in_s, count)
     admit(requests, occupancy, roads, drivers, fleet)
-    wait_inside(requests, roads, drivers, fleet, seen.ego, count)
+    wait_inside(requests, roads, drivers, fleet, seen.egos, count)
     yield_at_overlaps(traffic.approaches, area.overlaps, fleet)
     yield_to_walkers(seen.taken_by_walkers, roads, drivers, fleet, parameters, count, step)
     brake_for_stops(drivers, fleet, desired, count)
@@ -172,12 +173,17 @@ class Vehicles:
     """Vehicles of the traffic, advanced together by steps of 50 ms."""
 
     def __init__(
-        self, tables: TrafficTables, drivers: Drivers, parameters: DriverParameters, open_fraction: Array
+        self,
+        tables: TrafficTables,
+        drivers: Drivers,
+        parameters: DriverParameters,
+        open_fraction: Array,
+        egos: int,
     ) -> None:
         self.tables = tables
         self.drivers = drivers
         self.parameters = parameters
-        self.count = len(drivers.length_m) - 1
+        self.count = len(drivers.length_m) - egos
         self._map = VehicleMap(tables.roads, tables.overlaps, tables.cells, open_fraction)
         self.poses = columns(VehiclePoses, self.count)
         """Poses of all vehicles, (N,); the next step writes them anew."""
@@ -186,7 +192,7 @@ class Vehicles:
 
     @property
     def fleet(self) -> Fleet:
-        """State of the vehicles; the last row is the ego, (N + 1,)."""
+        """State of the vehicles; the last rows are the egos, (N + C,)."""
         return self.traffic.fleet
 
     @property
@@ -197,17 +203,18 @@ class Vehicles:
     def reset(self, lane: Index, station_m: Array) -> None:
         """Stand the vehicles at stations [m] of lanes, (N,) each, at rest."""
         roads, lanes = self.tables.roads, len(self.tables.roads.lane.length_m)
-        fleet, density = empty_fleet(self.count), np.zeros(lanes)
+        egos = len(self.drivers.length_m) - self.count
+        fleet, density = empty_fleet(self.count, egos), np.zeros(lanes)
         self.traffic = Traffic(
             drivers=self.drivers,
             parameters=self.parameters,
             fleet=fleet,
             occupancy=empty_occupancy(self.count, lanes),
-            requests=empty_requests(self.count, lanes),
+            requests=empty_requests(self.count, egos, lanes),
             approaches=empty_approaches(self.count),
             density=density,
             last_change=np.full(lanes, -(10**9), np.int64),
-            desired_mps2=np.zeros(self.count + 1),
+            desired_mps2=np.zeros(len(fleet.speed_mps)),
         )
         fleet.plan[: self.count, 0] = lane
         fleet.station_m[: self.count] = station_m

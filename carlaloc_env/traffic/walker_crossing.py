@@ -66,7 +66,7 @@ def _may_cross(
 ) -> bool:
     """Whether lights hold the traffic for long enough, and vehicles are far away or can stop."""
     paths, crossings, path = walker_network.path, walker_network.lane_crossing, walkers.path[w]
-    pace, station_m, ego = walkers.pace_mps[w], walkers.station_m[w], len(boxes.speed_mps) - 1
+    pace, station_m = walkers.pace_mps[w], walkers.station_m[w]
     across = (paths.kerb_m[path, 1] - paths.kerb_m[path, 0]) / pace
     if _blocked(walker_network, roads, occupancy, path):
         return False
@@ -87,7 +87,7 @@ def _may_cross(
         owner, gap, speed = find_behind(occupancy, roads, lane, index, enter, -1, 0.0)
         if owner < 0 or gap > speed * clear:
             continue
-        if owner == ego or speed * speed > 2.0 * _BRAKE_MPS2 * max(gap - 1.5, 0.05):
+        if boxes.is_ego[owner] or speed * speed > 2.0 * _BRAKE_MPS2 * max(gap - 1.5, 0.05):
             return False
     return True
 

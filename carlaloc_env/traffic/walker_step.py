@@ -45,7 +45,7 @@ def walk(
     Args:
         walker_network: Sidewalks and crosswalks.
         walkers: State of W walkers, changed in place.
-        boxes: Boxes of vehicles and the ego, (N + 1,).
+        boxes: Boxes of vehicles and the egos, (N + C,).
         roads: The roads.
         occupancy: Bodies on every lane.
         taken: Written: 0, WANTED or TAKEN for each crossing, (C,).

@@ -31,14 +31,17 @@ class Walkers:
     the right of the sidewalk, or to the left as cars do, cross at crosswalks and turn where a sidewalk ends.
     """
 
-    def __init__(self, walker_network: WalkerNetwork, count: int, seed: int, drivers: Drivers) -> None:
+    def __init__(
+        self, walker_network: WalkerNetwork, count: int, seed: int, drivers: Drivers, egos: int
+    ) -> None:
         """Put all walkers on sidewalks.
 
         Args:
             walker_network: Sidewalks and crosswalks.
             count: Number of walkers.
             seed: Seed of their places and paces.
-            drivers: Drivers of all vehicles and the ego, (N + 1,).
+            drivers: Drivers of all vehicles and the egos, (N + C,).
+            egos: Number of egos.
 
         Raises:
             ConfigError: there is no sidewalk, or not room enough.
@@ -49,6 +52,7 @@ class Walkers:
         self.boxes = columns(VehicleBoxes, len(drivers.length_m))
         self.boxes.half_m[:, 0] = 0.5 * drivers.length_m
         self.boxes.half_m[:, 1] = 0.5 * drivers.width_m
+        self.boxes.is_ego[len(drivers.length_m) - egos :] = True
         self._walk = same_types(walk)
         self._start(count)
 

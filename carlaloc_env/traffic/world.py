@@ -3,7 +3,8 @@
 State of all actors in the arrays of a frame: one compiled pass in place of many small ones.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,12 @@ from carlaloc_env.map.lanes.lane_network import LaneNetwork
 from carlaloc_env.timeline.actors import ActorFrame
 from carlaloc_env.traffic.population import draw_catalog, draw_drivers, draw_vehicles
 from carlaloc_env.traffic.standing_traffic import TrafficTables
+from carlaloc_env.traffic.tables.record_arrays import columns
 from carlaloc_env.traffic.tables.vehicle_state import Fleet
 from carlaloc_env.traffic.tables.walker_state import VehicleBoxes, WalkerState
 from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicle_step import StepInput, Vehicles
-from carlaloc_env.traffic.vehicles.ego_agent import EgoBox, EgoView
+from carlaloc_env.traffic.vehicles.ego_agent import EgoBoxes, EgoView
 from carlaloc_env.traffic.vehicles.poses import VehiclePoses, angle_of
 from carlaloc_env.traffic.walkers import Walkers
 
@@ -68,8 +70,8 @@ def put_actors(fleet: Fleet, poses: VehiclePoses, walkers: WalkerState, out: Fra
 
 
 @compiled
-def put_boxes(fleet: Fleet, poses: VehiclePoses, ego: EgoBox, out: VehicleBoxes) -> None:
-    """Write where N vehicles and the ego, the last row, are for walkers."""
+def put_boxes(fleet: Fleet, poses: VehiclePoses, egos: EgoBoxes, out: VehicleBoxes) -> None:
+    """Write where N vehicles and C egos, the last rows, are for walkers."""
     vehicles = len(poses.heading_rad)
     for v in range(vehicles):
         out.position_m[v, 0], out.position_m[v, 1] = poses.position_m[v, 0], poses.position_m[v, 1]
@@ -77,11 +79,13 @@ def put_boxes(fleet: Fleet, poses: VehiclePoses, ego: EgoBox, out: VehicleBoxes)
         sine, cosine = sin_cos(poses.heading_rad[v])
         out.direction[v, 0], out.direction[v, 1] = cosine, sine
         out.speed_mps[v] = fleet.speed_mps[v]
-    out.position_m[vehicles, 0], out.position_m[vehicles, 1] = ego.x_m, ego.y_m
-    out.height_m[vehicles] = ego.z_m
-    out.direction[vehicles, 0], out.direction[vehicles, 1] = ego.cos, ego.sin
-    out.speed_mps[vehicles] = ego.speed_mps
-    out.half_m[vehicles, 0], out.half_m[vehicles, 1] = ego.half_length_m, ego.half_width_m
+    for c in range(len(egos.speed_mps)):
+        row = vehicles + c
+        out.position_m[row, 0], out.position_m[row, 1] = egos.x_m[c], egos.y_m[c]
+        out.height_m[row] = egos.z_m[c]
+        out.direction[row, 0], out.direction[row, 1] = egos.cos[c], egos.sin[c]
+        out.speed_mps[row] = egos.speed_mps[c]
+        out.half_m[row, 0], out.half_m[row, 1] = egos.half_length_m[c], egos.half_width_m[c]
 
 
 _NOWHERE = EgoView(position_m=(1e6, 1e6, 0.0), heading_rad=0.0, speed_mps=0.0)
@@ -95,27 +99,33 @@ class TrafficWorld:
     """
 
     def __init__(
-        self, network: LaneNetwork, config: TrafficConfig, tables: TrafficTables | None = None
+        self,
+        network: LaneNetwork,
+        config: TrafficConfig,
+        tables: TrafficTables | None = None,
+        *,
+        egos: int = 1,
     ) -> None:
         self._network = network
         self._config = config
+        self._egos: Any = columns(EgoBoxes, egos)
         names, tints = draw_vehicles(config)
         self._tables = tables or TrafficTables(network)
         self.signal_plan = self._tables.signal_plan(config.timing)
-        drivers, parameters = draw_drivers(names, config), config.driver_parameters()
+        drivers, parameters = draw_drivers(names, config, egos), config.driver_parameters()
         open_fraction = self.signal_plan.open_fraction(self._tables.roads)
-        self._vehicles = Vehicles(self._tables, drivers, parameters, open_fraction)
+        self._vehicles = Vehicles(self._tables, drivers, parameters, open_fraction, egos)
         self.catalog = draw_catalog(names, tints, config)
         self._put_actors, self._put_boxes = same_types(put_actors), same_types(put_boxes)
 
-    def reset(self, ego: EgoView | None = None) -> ActorFrame:
-        """State of all actors at time 0, after the warm-up.
+    def reset(self, *egos: EgoView) -> ActorFrame:
+        """State of all actors at time 0, after the warm-up; without egos, these are nowhere near.
 
         Raises:
             ConfigError: the vehicles or walkers do not fit on the map.
         """
         config = self._config
-        keep_clear = np.array([ego.position_m]) if ego is not None else np.zeros((0, 3))
+        keep_clear = np.array([ego.position_m for ego in egos]).reshape(-1, 3)
         lane, station = self._tables.starting_positions(config.seed, keep_clear)
         if len(lane) < config.vehicles:
             raise ConfigError(
@@ -123,19 +133,19 @@ class TrafficWorld:
             )
         self._vehicles.reset(lane[: config.vehicles], station[: config.vehicles])
         network, drivers = self._tables.walker_network, self._vehicles.drivers
-        self._walkers = Walkers(network, config.walkers, config.seed, drivers)
+        self._walkers = Walkers(network, config.walkers, config.seed, drivers, len(self._egos))
         self._taken = np.zeros(len(self._tables.roads.crossing.lane), np.uint8)
         self._step = -round(config.warm_up_s * 1e9) // STEP_NS
-        seen_ego = ego or _NOWHERE
+        seen = egos or (_NOWHERE,) * len(self._egos)
         while self._step < 0:
-            self._advance(seen_ego)
+            self._advance(seen)
         self._vehicles.fleet.travelled_m[:] = 0.0
         self._walkers.state.travelled_m[:] = 0.0
         return self._frame()
 
-    def step(self, ego: EgoView) -> ActorFrame:
-        """State of all actors 50 ms later; they see the ego where it is now."""
-        self._advance(ego)
+    def step(self, *egos: EgoView) -> ActorFrame:
+        """State of all actors 50 ms later; they see the egos where they are now."""
+        self._advance(egos)
         return self._frame()
 
     def signals(self, stamp_ns: int) -> NDArray[np.uint8]:
@@ -144,23 +154,24 @@ class TrafficWorld:
 
     def changing_lanes(self) -> NDArray[np.bool_]:
         """Whether each vehicle is moving from one lane to another, (N,)."""
-        result: NDArray[np.bool_] = self._vehicles.fleet.change[:-1] < 1.0
+        result: NDArray[np.bool_] = self._vehicles.fleet.change[: self._vehicles.count] < 1.0
         return result
 
     def speed_limits_mps(self) -> Array:
         """Speed limit where each vehicle drives [m/s], (N,)."""
-        fleet = self._vehicles.fleet
-        return self._network.speed_limit_mps(fleet.plan[:-1, 0], fleet.station_m[:-1])
+        fleet, count = self._vehicles.fleet, self._vehicles.count
+        return self._network.speed_limit_mps(fleet.plan[:count, 0], fleet.station_m[:count])
 
-    def _advance(self, ego: EgoView) -> None:
+    def _advance(self, egos: Sequence[EgoView]) -> None:
         signals, vehicles, walkers = self.signal_plan.at(self._step * STEP_NS), self._vehicles, self._walkers
-        box = ego.box()
+        for c, ego in enumerate(egos):
+            self._egos[c] = ego.box()
         if self._config.walkers:
-            self._put_boxes(vehicles.fleet, vehicles.poses, box, walkers.boxes)
+            self._put_boxes(vehicles.fleet, vehicles.poses, self._egos, walkers.boxes)
             walkers.step(
                 self._tables.roads, vehicles.occupancy, self._taken, signals.state, signals.until_green_s
             )
-        vehicles.step(StepInput(box, signals.state, signals.until_red_s, self._taken, self._step))
+        vehicles.step(StepInput(self._egos, signals.state, signals.until_red_s, self._taken, self._step))
         self._step += 1
 
     def _frame(self) -> ActorFrame:

@@ -15,7 +15,7 @@ from carlaloc_env.traffic.tables.vehicle_state import (
     Drivers,
     Fleet,
 )
-from carlaloc_env.traffic.vehicles.ego_agent import EgoBox, passes_ego
+from carlaloc_env.traffic.vehicles.ego_agent import EgoBoxes, box_of, passes_ego
 
 _STANDING_INSIDE_S = 8.0
 """A vehicle that has waited longer inside a junction moves on before vehicles that stand [s]."""
@@ -33,21 +33,24 @@ _EGO_BRAKING_MPS2 = 3.0
 
 @compiled
 def wait_inside(
-    requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, ego: EgoBox, count: int
+    requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, egos: EgoBoxes, count: int
 ) -> None:
     """Stop before zones on the path that a vehicle admitted earlier, or one standing there, holds.
 
-    Before the ego, whose way on is not known, a vehicle stops at the edge of the first zone, or drives on
+    Before an ego, whose way on is not known, a vehicle stops at the edge of the first zone, or drives on
     through all. Between them it would stand in the ego's way, and each would wait for the other.
 
-    Writes `fleet.stop_gap_m` and `goes_first_s`, each (N + 1,), for the first `count` vehicles.
+    Writes `fleet.stop_gap_m` and `goes_first_s`, each (N + C,), for the first `count` vehicles.
     """
     for v in range(count):
         if fleet.waited_s[v] > _STANDING_INSIDE_S:
             fleet.goes_first_s[v] = _GOES_FIRST_S
         else:
             fleet.goes_first_s[v] = max(fleet.goes_first_s[v] - STEP_S, 0.0)
-        passes = _passes_ego(roads, drivers, fleet, ego, v)
+        passes = 0
+        for ego in range(len(egos.speed_mps)):
+            if _passes_ego(roads, drivers, fleet, egos, count, ego, v):
+                passes |= 1 << ego
         for slot in range(HELD):
             lane = fleet.held_lane[v, slot]
             if lane < 0:
@@ -55,21 +58,23 @@ def wait_inside(
             front = fleet.held_front_m[v, slot]
             for z in range(roads.lane.zone_first[lane], roads.lane.zone_end[lane]):
                 to_zone = roads.zone.enter_m[z] - front
-                at_edge = fleet.speed_mps[-1] >= STANDING_MPS and _halts_at_edge(roads, fleet, v, z, to_zone)
+                at_edge = _halts_at_edge(roads, fleet, v, z, to_zone)
                 if roads.zone.kind[z] == PARTING or (to_zone < 0.0 and not at_edge):
                     continue
-                if _must_wait(requests, roads, drivers, fleet, v, slot, z, to_zone, passes):
+                if _must_wait(requests, roads, drivers, fleet, count, v, slot, z, to_zone, passes):
                     gap = max(to_zone - _BEFORE_ZONE_M, 0.0)
                     fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], gap)
 
 
 @compiled
-def _passes_ego(roads: Roads, drivers: Drivers, fleet: Fleet, ego: EgoBox, v: int) -> bool:
-    """Whether vehicle v can no longer stop before zones of the ego, and the ego has room to brake.
+def _passes_ego(
+    roads: Roads, drivers: Drivers, fleet: Fleet, egos: EgoBoxes, count: int, ego: int, v: int
+) -> bool:
+    """Whether vehicle v can no longer stop before zones of an ego, and that ego has room to brake.
 
     If the ego stands in such a zone, the way past it must be clear.
     """
-    bars, ego_gap_m, distance_m = False, np.inf, 0.0
+    bars, ego_gap_m, distance_m, me = False, np.inf, 0.0, count + ego
     for slot in range(HELD):
         lane, front = fleet.held_lane[v, slot], fleet.held_front_m[v, slot]
         if lane < 0:
@@ -79,13 +84,16 @@ def _passes_ego(roads: Roads, drivers: Drivers, fleet: Fleet, ego: EgoBox, v: in
             if roads.zone.kind[z] != CROSSING or way < 0.0:
                 continue
             for k in range(HELD):
-                if fleet.held_lane[-1, k] == roads.zone.other[z]:
+                if fleet.held_lane[me, k] == roads.zone.other[z]:
                     bars = bars or not _halts_at_edge(roads, fleet, v, z, roads.zone.enter_m[z] - front)
-                    ego_gap_m = min(ego_gap_m, roads.zone.other_enter_m[z] - fleet.held_front_m[-1, k])
+                    ego_gap_m = min(ego_gap_m, roads.zone.other_enter_m[z] - fleet.held_front_m[me, k])
                     distance_m = max(distance_m, way)
-    if not bars or ego.speed_mps * ego.speed_mps < 2.0 * _EGO_BRAKING_MPS2 * ego_gap_m:
+    speed = egos.speed_mps[ego]
+    if not bars or speed * speed < 2.0 * _EGO_BRAKING_MPS2 * ego_gap_m:
         return bars
-    return ego.speed_mps < STANDING_MPS and passes_ego(roads, drivers, fleet, ego, v, distance_m)
+    if speed >= STANDING_MPS:
+        return False
+    return passes_ego(roads, drivers, fleet, box_of(egos, ego), v, distance_m)
 
 
 @compiled
@@ -101,20 +109,26 @@ def _must_wait(
     roads: Roads,
     drivers: Drivers,
     fleet: Fleet,
+    count: int,
     v: int,
     slot: int,
     z: int,
     to_zone_m: float,
-    passes: bool,
+    passes: int,
 ) -> bool:
     """Whether vehicle v, its front `to_zone_m` before zone z, must stop for a holder of the other lane.
 
-    Behind the zone's edge it stops for the ego alone, and not if it `passes`.
+    Behind the zone's edge it stops for egos that drive alone, and not for those that it `passes`: a bit each.
     """
-    other, me = roads.zone.other[z], len(fleet.speed_mps) - 1
+    other = roads.zone.other[z]
     for index in range(requests.holder_first[other], requests.holder_first[other + 1]):
         h, h_slot = requests.holder[index] // HELD, requests.holder[index] % HELD
-        if h == v or (passes if h == me else to_zone_m < 0.0):
+        if h == v:
+            continue
+        if fleet.is_ego[h]:
+            if (passes >> (h - count)) & 1 or (to_zone_m < 0.0 and fleet.speed_mps[h] < STANDING_MPS):
+                continue
+        elif to_zone_m < 0.0:
             continue
         h_front = fleet.held_front_m[h, h_slot]
         if h_front - drivers.length_m[h] > roads.zone.other_leave_m[z]:
@@ -138,7 +152,7 @@ def _must_wait(
 def release_passed(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
     """Give up held lanes that the tail has left, and those no longer in the plan.
 
-    Writes `fleet.held_lane`, (N + 1, HELD), for the first `count` vehicles.
+    Writes `fleet.held_lane`, (N + C, HELD), for the first `count` vehicles.
     """
     for v in range(count):
         for slot in range(HELD):

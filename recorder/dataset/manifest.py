@@ -112,6 +112,7 @@ def drive_origin(
             "sha256": file_sha256(episode.path),
             "seed": header.seed,
             "device": header.device,
+            **({"car": episode.car} if header.cars else {}),
             "duration_s": episode.duration_s,
             "traffic": dict(header.traffic),
             "versions": dict(header.versions),

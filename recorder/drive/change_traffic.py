@@ -12,7 +12,7 @@ from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.core.transforms import quat_to_matrix
-from carlaloc_env.driving.driving_world import ego_view
+from carlaloc_env.driving.driven_car import ego_view
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.traffic.standing_traffic import TrafficTables

@@ -14,8 +14,9 @@ from carlaloc_env.core.errors import ConfigError, DeviceError
 from carlaloc_env.core.files.config_files import set_paths
 from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
 from carlaloc_env.core.freed_memory import give_back_freed_memory
+from carlaloc_env.driving.driven_car import DrivenCar
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.envs.task.episode_start import EpisodeStart, route_of
+from carlaloc_env.envs.task.episode_start import EpisodeStart, car_routes
 from carlaloc_env.physics.params import ride_by_name
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.actors import ActorCatalog
@@ -33,7 +34,7 @@ from recorder.drive.drive_header import drive_header
 from recorder.drive.session import DriveSession
 from recorder.episode.ego_messages import VIOLATIONS
 from recorder.episode.episode import Episode
-from recorder.episode.summary import driven_distance_m
+from recorder.episode.summary import collision_count, driven_distance_m
 from recorder.episode.writer import EpisodeWriter
 from recorder.window.cockpit import WindowCockpit
 from recorder.window.opening import Opening
@@ -41,6 +42,8 @@ from recorder.window.opening import Opening
 Progress = Callable[[float, float], None]
 """Called with seconds driven and metres along the route."""
 
+MOST_CARS = 16
+"""Cars of a drive at most."""
 PATIENCE_S = 300.0
 """A drive without a duration ends after so long without progress [s]; others wait 150 s at most."""
 
@@ -65,6 +68,10 @@ class RecordConfig:
     """How the body answers to the road: ``standard``, or ``real`` as measured on cars."""
     route: str | tuple[tuple[float, float], ...] = "town"
     """``town``, ``random`` (by the seed), or points (x, y) near lanes that it leads through [m]."""
+    cars: int = 1
+    """Number of cars in one world; the program drives all but the first."""
+    overlap: float = 0.5
+    """Share of its route that each car has in common with the next, where there are several, 0 to 1."""
     start: str | float = 0.0
     """Share of the route that is left out before the car [0 to below 1]; ``anywhere``: by the seed."""
     overwrite: bool = False
@@ -79,6 +86,10 @@ class RecordConfig:
         check_device(self.device)
         EpisodeStart.of({"route": self.route, "start": self.start})
         ride_by_name(self.ride)
+        if not 1 <= self.cars <= MOST_CARS:
+            raise ConfigError(f"{self.cars} cars; give 1 to {MOST_CARS}")
+        if not 0.0 <= self.overlap <= 1.0:
+            raise ConfigError(f"overlap {self.overlap:g}; give a share of the routes from 0 to 1")
         if self.duration_s is not None and not 0.0 < self.duration_s <= 86400.0:
             raise ConfigError(f"duration {self.duration_s:g} s; give more than 0 and at most 86400 s")
 
@@ -112,6 +123,8 @@ class RecordResult:
     """Lowest speed of the world over real time, of drives in real time."""
     stuck: bool = False
     """Whether a drive without a duration ended early, since the car made no progress for `PATIENCE_S`."""
+    cars: tuple[Mapping[str, float], ...] = ()
+    """Of every car, where there are several: ``driven_m``, ``route_m`` and ``collisions``."""
     passed_mps: float | None = None
     """Speed at which the end of an open route was passed [m/s]; None where the car did not, or stopped."""
 
@@ -181,11 +194,13 @@ class _Drive:
             town = without_movables(town)
         with ThreadPoolExecutor(1) as pool:
             shown = None if show is None else pool.submit(show, town, weather)
-            self.world = DrivingWorld(town, traffic, ride=config.ride)
+            self.world = DrivingWorld(town, traffic, ride=config.ride, cars=config.cars)
             self._stack.callback(self.world.close)
             start = EpisodeStart.of({"route": config.route, "start": config.start})
-            self._driven = route_of(start, town, clock.stream(config.seed, "drive/route"))
-            self.world.route = self._driven.route
+            rng = clock.stream(config.seed, "drive/route")
+            self._routes = car_routes(start, town, rng, config.cars, config.overlap)
+            for car, driven in zip(self.world.cars, self._routes, strict=True):
+                car.route = driven.route
             if isinstance(self._driver, PolicyDriver):
                 stage = SensorStage(self.world.town, seed=config.seed, weather=weather)
                 self._stack.callback(stage.close)
@@ -200,6 +215,7 @@ class _Drive:
             finished=_arrived if config.duration_s is None else _never,
             end_tick=round((config.duration_s or 86400.0) * TICK_HZ),
             progress=self._progress,
+            others=lambda: [open_device("scripted", config.seed + k) for k in range(1, config.cars)],
         )
         self.session.status.headlamps = weather.at(0).is_night
 
@@ -240,19 +256,33 @@ class _Drive:
                 raise DeviceError(f"{error}; {where}") from error
             raise
         session.listener.writer.close()
-        counts = session.listener.counts
+        counts, episode = session.listener.counts, Episode.load(self._config.out)
         return RecordResult(
             path=self._config.out,
             duration_s=session.duration_s,
             route_m=session.route_m,
-            driven_m=driven_distance_m(Episode.load(self._config.out)),
+            driven_m=driven_distance_m(episode),
             collisions=counts["collision"],
             violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
             attempts=tuple(session.attempts),
             photos=tuple(session.photos),
             slowest=session.slowest,
             stuck=session.stuck,
+            cars=self._figures(episode),
             passed_mps=self._passed_mps(),
+        )
+
+    def _figures(self, episode: Episode) -> tuple[Mapping[str, float], ...]:
+        """Figures of every car, where there are several."""
+        drives = [episode.of_car(number + 1) for number in range(len(self.world.cars))]
+        return tuple(
+            {
+                "driven_m": driven_distance_m(drive),
+                "route_m": max(car.route_s_m, 0.0),
+                "collisions": collision_count(drive),
+            }
+            for car, drive in zip(self.world.cars, drives, strict=True)
+            if len(drives) > 1
         )
 
     def _passed_mps(self) -> float | None:
@@ -263,7 +293,7 @@ class _Drive:
     def _begin(self, catalog: ActorCatalog) -> EpisodeWriter:
         config, driver = self._config, self._driver
         header = drive_header(
-            self.world, self._driven, catalog, device=driver.name,
+            self.world, self._routes, catalog, devices=[driver.name, *["scripted"] * (config.cars - 1)],
             action=driver.action if isinstance(driver, PolicyDriver) else "",
             extra={} if config.ride == DEFAULT_RIDE else {"ride": config.ride},
         )  # fmt: skip
@@ -279,9 +309,13 @@ _AT_THE_END_M = 8.0
 
 
 def _arrived(world: DrivingWorld) -> bool:
-    """Whether the route has been driven: to its end, or to a stop just before the end of an open one."""
-    left_m = world.route.length_m - world.route_s_m
-    if world.route.closed:
+    """Whether all cars have driven their routes: to the end, or to a stop just before that of an open one."""
+    return all(_is_at_end(car) for car in world.cars)
+
+
+def _is_at_end(car: DrivenCar) -> bool:
+    left_m = car.route.length_m - car.route_s_m
+    if car.route.closed:
         return left_m <= 0.0
     # A car beyond the end is projected on it, to the last bits.
-    return left_m < 0.01 or (left_m <= _AT_THE_END_M and world.state.speed_mps < _STANDS_MPS)
+    return left_m < 0.01 or (left_m <= _AT_THE_END_M and car.state.speed_mps < _STANDS_MPS)

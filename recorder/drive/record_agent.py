@@ -103,7 +103,7 @@ class RecordDrive(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         env = self._now
         rig = env.rig if isinstance(env.rig, str) else plain(env.rig)
         header = drive_header(
-            env.world, env.driven, catalog, device="agent", rig=rig, weather=text_of(env.weather),
+            env.world, [env.driven], catalog, devices=["agent"], rig=rig, weather=text_of(env.weather),
             task=asdict(env.task), action=env.action_kind,
         )  # fmt: skip
         name = f"{self._path.stem}-{header.seed}-{self._number}{self._path.suffix}"

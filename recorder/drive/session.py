@@ -3,7 +3,7 @@
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -17,7 +17,7 @@ from carlaloc_env.timeline.actors import ActorCatalog
 from recorder.devices.base import Command, Device
 from recorder.devices.human import HumanDevice
 from recorder.devices.keys import KeyPanel
-from recorder.drive.episode_listener import FIRST_DRIVEN_TICK, EpisodeListener
+from recorder.drive.episode_listener import FIRST_DRIVEN_TICK, EpisodeListener, of_car
 from recorder.drive.pacer import Pacer
 from recorder.drive.rule_monitor import RuleMonitor
 from recorder.episode.ego_messages import VIOLATIONS
@@ -58,6 +58,7 @@ class DriveSession:
         finished: Whether the drive is over.
         end_tick: Tick at which it is over in any case.
         progress: Called four times a second with the progress of the drive.
+        others: Makes the drivers of the other cars, anew for each attempt.
     """
 
     def __init__(
@@ -70,8 +71,10 @@ class DriveSession:
         finished: Callable[[DrivingWorld], bool],
         end_tick: int,
         progress: Callable[[float, float], None] | None = None,
+        others: Callable[[], Sequence[Device]] = tuple,
     ) -> None:
         self._world, self._driver, self._seed = world, driver, seed
+        self._new_others = others
         self._begin, self._finished, self._end_tick = begin, finished, end_tick
         self._progress = progress
         self.status = DriveStatus(device=driver.name)
@@ -83,7 +86,7 @@ class DriveSession:
         self._note, self._note_until = "", 0
         self.slowest = 1.0
         """Lowest speed of the world over real time."""
-        self._rules = RuleMonitor(world.town.network)
+        self._begin_attempt()
         self._warned: dict[str, int] = {}
         self._checkpoint = 0
         self._switched = ("", False, False)
@@ -91,6 +94,11 @@ class DriveSession:
         self._over = False
         self.stuck = False
         """Whether the drive ended because the car made no progress."""
+
+    def _begin_attempt(self) -> None:
+        """Forget what rule monitors and the other drivers remember."""
+        self._rules = [RuleMonitor(self._world.town.network) for _ in self._world.cars]
+        self._others = self._new_others()
 
     def start(self) -> None:
         """Open the episode and place the ego and all actors."""
@@ -105,8 +113,8 @@ class DriveSession:
         farthest_m, since = -math.inf, self._world.tick_count
         while not self._is_over():
             self._tick(self._driver.read(self._world.driver_view()))
-            if self._world.route_s_m > farthest_m + _STEP_ON_M:
-                farthest_m, since = self._world.route_s_m, self._world.tick_count
+            if (reached_m := sum(car.route_s_m for car in self._world.cars)) > farthest_m + _STEP_ON_M:
+                farthest_m, since = reached_m, self._world.tick_count
             if self._world.tick_count - since > patience_s * TICK_HZ:
                 self.listener.event(self._world.tick_count, "stuck", {"route_m": self.route_m})
                 self.stuck = True
@@ -194,13 +202,18 @@ class DriveSession:
 
     def _advance(self, controls: Controls) -> None:
         world = self._world
-        world.tick(controls)
-        if world.tick_count % STEP_TICKS == 0:
-            view = world.driver_view()
-            for kind in self._rules.update(view):
+        others = zip(self._others, world.cars[1:], strict=True)
+        world.tick(controls, *(driver.read(car.driver_view()) for driver, car in others))
+        if world.tick_count % STEP_TICKS:
+            return
+        for number, (car, rules) in enumerate(zip(world.cars, self._rules, strict=True)):
+            view = car.driver_view()
+            for kind in rules.update(view):
                 where = [round(float(value), 2) for value in view.position_m]
-                self.listener.event(world.tick_count, kind, {"position_m": where, "route_m": view.route_s_m})
-                self._warned[kind] = world.tick_count
+                data = {"position_m": where, "route_m": view.route_s_m, **of_car(number)}
+                self.listener.event(world.tick_count, kind, data)
+                if number == 0:
+                    self._warned[kind] = world.tick_count
 
     def _update_status(self, panel: HumanDevice | KeyPanel, pacer: Pacer) -> None:
         """Bring the status up to date."""
@@ -208,7 +221,7 @@ class DriveSession:
         if self.listener.is_touching:
             self._warned["collision"] = now
         recent = {kind for kind, tick in self._warned.items() if now - tick < _WARNING_S * TICK_HZ}
-        status.warnings = tuple(sorted(recent | set(self._rules.present)))
+        status.warnings = tuple(sorted(recent | set(self._rules[0].present)))
         note = self._note if now <= self._note_until else None
         status.message = panel.message or note or self._way_out(panel) or self._end_ahead()
         status.buttons = panel.buttons
@@ -297,7 +310,7 @@ class DriveSession:
         writer.close(into=given_up)
         self.attempts.append(given_up)
         self.listener = EpisodeListener(self._begin)
-        self._rules = RuleMonitor(self._world.town.network)
+        self._begin_attempt()
         self._warned.clear()
         self._note, self._pushed_ticks = "", 0
         self.status.indicator, self.status.headlamps, reverse = self._switched

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_TICKS
+from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.actors import ActorFrame
 from recorder.episode.ego_messages import EgoRow, Event
 from recorder.episode.episode import Episode
@@ -47,6 +48,8 @@ def write_episode(
     Raises:
         EpisodeError: `out` exists or cannot be written.
     """
+    if header.cars:
+        raise EpisodeError(f"the drive has {len(header.cars)} cars; edit drives of one car")
     waiting = sorted(events, key=lambda event: event.tick)
     later = enumerate(zip(frames, signals, strict=True))
     with EpisodeWriter(out, header, overwrite=overwrite, keep_cut=False) as writer:

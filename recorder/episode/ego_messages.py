@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import NamedTuple
 
@@ -43,6 +43,8 @@ bool raw_handbrake
 """,
 )
 """State of the ego after every tick."""
+
+
 EVENT = RecordType(
     topic="/events",
     name="carlaloc_msgs/msg/Event",
@@ -60,6 +62,11 @@ _STATE = ("position_m", "quat_xyzw", "velocity_world_mps", "omega_body_radps", "
 """Names of the numbers beside them, in the order of `EgoRow`."""
 VIOLATIONS = ("red_light", "off_road", "wrong_way", "speeding", "off_route")
 """Kinds of violations; each is an event of an episode when it begins."""
+
+
+def ego_record(car: int) -> RecordType:
+    """Kind of messages with the states of a car, from 0; only their topic differs."""
+    return replace(EGO, topic=f"/car{car + 1}/state") if car else EGO
 
 
 class EgoRow(NamedTuple):

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import json
 import struct
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +20,16 @@ from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.recordings import recording_path
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 from recorder.episode.actor_messages import ACTORS, actor_frames, unpack_actors
-from recorder.episode.ego_messages import CONTROLS, EGO, EVENT, Event
+from recorder.episode.ego_messages import CONTROLS, EVENT, Event, ego_record
 from recorder.episode.episode_header import HEADER_RECORD, EpisodeHeader
 from recorder.episode.mcap_container import Container, is_container, read_container
+
+if TYPE_CHECKING:
+    from carlaloc_env.timeline.ego_spline import EgoTrack
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,18 +67,26 @@ class Episode:
     def __init__(
         self,
         header: EpisodeHeader,
-        ego: NDArray[np.void],
+        egos: Sequence[NDArray[np.void]],
         steps: NDArray[np.void],
         events: tuple[Event, ...],
         *,
         path: Path,
         last_good_ns: int,
         problem: str | None,
+        car: int = 1,
     ) -> None:
-        self.header = header
-        """Configuration of the drive."""
-        self.ego = ego
-        """Rows of the layout of `ego_messages.EGO`, one per tick."""
+        own = header.cars[car - 1] if header.cars else {}
+        self.header = replace(header, **{name: own[name] for name in ("device", "route") if name in own})
+        """Configuration of the drive, with device and route of this car."""
+        self.car = car
+        """Number of the car whose drive it is, from 1."""
+        self.egos = tuple(egos)
+        """Of every car, rows of the layout of `ego_messages.EGO`, one per tick."""
+        self.ego = self.egos[car - 1]
+        """Rows of this car."""
+        self._all_events = events
+        events = tuple(event for event in events if event.data.get("car", 1) == car)
         self.steps = steps
         """Rows of the layout of `actor_messages.ACTORS`, one per 50 ms step."""
         self.events = events
@@ -85,15 +99,17 @@ class Episode:
         """Why the file is not whole, or None."""
 
     @classmethod
-    def load(cls, path: str | Path, *, allow_partial: bool = False) -> Episode:
+    def load(cls, path: str | Path, *, allow_partial: bool = False, car: int = 1) -> Episode:
         """Read an episode; without the final name its `.recording` file is read.
 
         Args:
             path: File to read.
             allow_partial: Whether a recording that was cut off is read up to where it is good.
+            car: Car whose drive it is, from 1.
 
         Raises:
-            EpisodeError: the file is missing, foreign, damaged, or cut off (with the last good time).
+            EpisodeError: there is no such car, or the file is missing, foreign, damaged, or cut off (with the
+                last good time).
         """
         path = episode_file(path)
         container = read_episode_file(path)
@@ -107,7 +123,20 @@ class Episode:
                 f"last good time {container.last_good_ns / 1e9:.3f} s; "
                 f"`carlaloc info --repair {path}` saves the good part"
             )
-        return _assemble(path, EpisodeHeader.from_metadata(header), container)
+        return _assemble(path, EpisodeHeader.from_metadata(header), container).of_car(car)
+
+    def of_car(self, car: int) -> Episode:
+        """The drive of one of its cars, from 1.
+
+        Raises:
+            EpisodeError: there are not so many.
+        """
+        if not 1 <= car <= len(self.egos):
+            raise EpisodeError(f"{self.path} has no car {car}; give 1 to {len(self.egos)}")
+        return Episode(
+            self.header, self.egos, self.steps, self._all_events, path=self.path,
+            last_good_ns=self.last_good_ns, problem=self.problem, car=car,
+        )  # fmt: skip
 
     @property
     def complete(self) -> bool:
@@ -137,17 +166,16 @@ class Episode:
 
     def timeline(self) -> Timeline:
         """The whole drive, equal bit for bit to that of the live sensors."""
-        # Here, since numba takes half a second to import.
-        from carlaloc_env.timeline.ego_spline import EgoTrack
+        if self.header.cars:
+            # Here, since numba takes half a second to import.
+            from carlaloc_env.timeline.driven_cars import DrivenCars
 
-        track = EgoTrack.from_arrays(self.ego["position_m"], self.ego["quat_xyzw"])
-        switches = [self.ego[name] for name in ("throttle", "brake", "reverse", "handbrake")]
-        car = CarTrack.from_arrays(
-            self.ego["wheel_spin_radps"],
-            self.ego["road_wheel_rad"],
-            np.stack([np.asarray(column, dtype=np.float64) for column in switches], axis=-1),
-        )
-        timeline = Timeline(self.header.catalog, ego=track, car=car)
+            ids = [int(car["id"]) for car in self.header.cars]
+            cars = DrivenCars(ids, [_tracks(rows) for rows in self.egos], int(Tag.CAR))
+            timeline = Timeline(self.header.catalog, cars=cars, own=self.car - 1)
+        else:
+            track, car = _tracks(self.ego)
+            timeline = Timeline(self.header.catalog, ego=track, car=car)
         signals = np.ascontiguousarray(self.steps["signals"])
         for frame, heads in zip(actor_frames(self.steps), signals, strict=True):
             timeline.append_step(frame, heads)
@@ -155,6 +183,20 @@ class Episode:
 
     def _log(self, prefix: str) -> ControlLog:
         return ControlLog(**{name: np.ascontiguousarray(self.ego[prefix + name]) for name in CONTROLS})
+
+
+def _tracks(rows: NDArray[np.void]) -> tuple[EgoTrack, CarTrack]:
+    """Spline, and wheels and pedals, of a car's rows."""
+    # Here, since numba takes half a second to import.
+    from carlaloc_env.timeline.ego_spline import EgoTrack
+
+    switches = [rows[name] for name in ("throttle", "brake", "reverse", "handbrake")]
+    car = CarTrack.from_arrays(
+        rows["wheel_spin_radps"],
+        rows["road_wheel_rad"],
+        np.stack([np.asarray(column, dtype=np.float64) for column in switches], axis=-1),
+    )
+    return EgoTrack.from_arrays(rows["position_m"], rows["quat_xyzw"]), car
 
 
 def open_episode(path: str | Path) -> Episode:
@@ -191,16 +233,19 @@ def read_episode_file(path: Path) -> Container:
 def _assemble(path: Path, header: EpisodeHeader, container: Container) -> Episode:
     payloads = container.payloads
     try:
-        ego = EGO.rows(payloads.get(EGO.topic, []))
+        records = [ego_record(car) for car in range(len(header.cars) or 1)]
+        egos = [record.rows(payloads.get(record.topic, [])) for record in records]
         steps = unpack_actors(payloads.get(ACTORS.topic, []), len(header.catalog))
         rows = [EVENT.unpack(payload) for payload in payloads.get(EVENT.topic, [])]
         events = tuple(Event(tick=r["tick"], kind=r["kind"], data=json.loads(r["json"])) for r in rows)
     except (ValueError, struct.error) as error:
         raise EpisodeError(f"{path} is damaged: {error}; give another file") from error
-    for name, numbers in (("tick", ego["tick"]), ("step", steps["step"])):
+    ticks = min(map(len, egos))
+    egos = [ego[:ticks] for ego in egos]
+    for name, numbers in (*(("tick", ego["tick"]) for ego in egos), ("step", steps["step"])):
         gaps = np.flatnonzero(numbers != np.arange(len(numbers)))
         if len(gaps):
             raise EpisodeError(f"{path} is damaged: {name} {gaps[0]} is missing; give another file")
     return Episode(
-        header, ego, steps, events, path=path, last_good_ns=container.last_good_ns, problem=container.problem
+        header, egos, steps, events, path=path, last_good_ns=container.last_good_ns, problem=container.problem
     )

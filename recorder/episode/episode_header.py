@@ -16,8 +16,8 @@ from carlaloc_env.timeline.actors import ActorCatalog, empty_catalog
 
 HEADER_RECORD = "carlaloc_episode"
 """Name of the MCAP metadata record that holds the header."""
-FORMAT_VERSION = 3
-"""Version of the episode format; a reader refuses others. 2: actors in fixed point. 3: they lean."""
+FORMAT_VERSION, CARS_VERSION = 3, 4
+"""Versions of the episode format: drives of one car, of several. 2: actors in fixed point. 3: they lean."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,6 +50,8 @@ class EpisodeHeader:
     """Versions of CarlaLoc, Python and the libraries that shape the physics."""
     created_utc: str = ""
     """When the recording began, ISO 8601."""
+    cars: tuple[Mapping[str, Any], ...] = ()
+    """Where several cars are driven, of each: its ``id`` as an actor, its ``device`` and its ``route``."""
     history: tuple[str, ...] = ()
     """How the file came about from others, oldest first."""
     extra: Mapping[str, Any] = field(default_factory=dict)
@@ -70,7 +72,9 @@ class EpisodeHeader:
             "size_m": self.catalog.size_m.tolist(),
             "tint": self.catalog.tint.tolist(),
         }
-        values["format_version"] = FORMAT_VERSION
+        values["format_version"] = CARS_VERSION if self.cars else FORMAT_VERSION
+        if not self.cars:
+            del values["cars"]
         texts = {name: json.dumps(value, ensure_ascii=False) for name, value in values.items()}
         return {**texts, "crc32": str(_checksum(texts))}
 
@@ -86,7 +90,7 @@ class EpisodeHeader:
                 raise ValueError("checksum differs")
             values = {name: json.loads(text) for name, text in metadata.items()}
             version = int(values["format_version"])
-            if version != FORMAT_VERSION:
+            if version not in (FORMAT_VERSION, CARS_VERSION):
                 raise EpisodeError(
                     f"the episode has format {version}, this CarlaLoc reads {FORMAT_VERSION}; "
                     f"use {'a newer' if version > FORMAT_VERSION else 'an older'} one"
@@ -100,7 +104,10 @@ class EpisodeHeader:
                 size_m=np.array(catalog["size_m"], dtype=np.float32).reshape(count, 3),
                 tint=np.array(catalog["tint"], dtype=np.uint8).reshape(count, 3),
             )
-            values["history"] = tuple(values.get("history", ()))
+            values["history"], values["cars"] = (
+                tuple(values.get("history", ())),
+                tuple(values.get("cars", ())),
+            )
             # Older headers have a hash of the map's file, which is no town's: they are refused by name.
             values.setdefault("town_hash", values.get("map_hash", ""))
             names = {f.name for f in fields(cls)}

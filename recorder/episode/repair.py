@@ -12,7 +12,7 @@ from carlaloc_env.core.files.file_locks import take_lock
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file
 from carlaloc_env.core.files.recordings import RECORDING_SUFFIX
 from recorder.episode.actor_messages import ACTORS
-from recorder.episode.ego_messages import EGO, EVENT
+from recorder.episode.ego_messages import EVENT, ego_record
 from recorder.episode.episode import Episode, episode_file, read_episode_file
 from recorder.episode.mcap_container import CUT_OFF, NOT_CLOSED, ContainerWriter
 from recorder.episode.writer import FLUSH_NS
@@ -71,7 +71,9 @@ def _rewrite(source: Path, target: Path) -> None:
     out = ContainerWriter(target)
     for name, values in container.metadata:
         out.add_metadata(name, values)
-    numbers = {record.topic: out.add_channel(record) for record in (EGO, ACTORS, EVENT)}
+    # The first three are always there, so that a file of one car is as it was.
+    others = [ego_record(car) for car in range(1, len(Episode.load(source, allow_partial=True).egos))]
+    numbers = {record.topic: out.add_channel(record) for record in (ego_record(0), ACTORS, EVENT, *others)}
     streams = [
         zip(
             container.stamps_ns[topic],

@@ -61,6 +61,8 @@ class EpisodeSummary:
     """Difference between first and last heading [deg]; None where nothing was driven."""
     loop_closed: bool
     """Whether the drive ends where it began, after more than 50 m."""
+    cars: tuple[dict[str, float | str], ...]
+    """Of every car, where several are driven: ``device``, ``driven_m`` and ``collisions``."""
     vehicles: int
     """Vehicles in the traffic."""
     walkers: int
@@ -84,6 +86,14 @@ class EpisodeSummary:
     """Whether the file is whole."""
     health: str
     """``complete``, or what is wrong and until when the file is good."""
+
+
+def collision_count(episode: Episode) -> int:
+    """Number of collisions of the ego.
+
+    A car that is pushed against one wall touches it again and again: that is one.
+    """
+    return sum(event.kind == "collision" and not event.data.get("again") for event in episode.events)
 
 
 def driven_distance_m(episode: Episode) -> float:
@@ -149,8 +159,7 @@ def summarise(episode: Episode) -> EpisodeSummary:
     walkers = int(np.count_nonzero(episode.header.catalog.tag == Tag.PEDESTRIAN))
     table_m = episode.header.route.get("table_length_m")
     loop = bool(episode.header.route.get("closed"))
-    # A car that is pushed against one wall touches it again and again: that is one collision.
-    counts = Counter(event.kind for event in episode.events if not event.data.get("again"))
+    counts = Counter(event.kind for event in episode.events)
     meets = None
     if table_m is not None and episode.header.device == "scripted":
         meets = abs(driven_m - table_m) <= TABLE_FRACTION * table_m and (closed or not loop)
@@ -168,12 +177,21 @@ def summarise(episode: Episode) -> EpisodeSummary:
         closure_m=closure_m,
         closure_deg=closure_deg,
         loop_closed=closed,
+        cars=tuple(
+            {
+                "device": drive.header.device,
+                "driven_m": driven_distance_m(drive),
+                "collisions": collision_count(drive),
+            }
+            for drive in map(episode.of_car, range(1, len(episode.egos) + 1))
+            if len(episode.egos) > 1
+        ),
         vehicles=len(episode.header.catalog) - walkers,
         walkers=walkers,
         standing=standing,
         stops=stops,
         mover_close_s=_mover_close_s(episode),
-        collisions=counts["collision"],
+        collisions=collision_count(episode),
         violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
         table_length_m=table_m,
         meets_table=meets,

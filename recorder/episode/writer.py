@@ -20,7 +20,7 @@ from carlaloc_env.core.files.atomic_files import part_path
 from carlaloc_env.core.files.recordings import check_episode_output, recording_path, repair_command
 from carlaloc_env.timeline.actors import ActorFrame
 from recorder.episode.actor_messages import ACTORS, pack_actors
-from recorder.episode.ego_messages import EGO, EVENT, EgoRow, pack_ego
+from recorder.episode.ego_messages import EVENT, EgoRow, ego_record, pack_ego
 from recorder.episode.episode_header import HEADER_RECORD, EpisodeHeader
 from recorder.episode.mcap_container import ContainerWriter
 from recorder.episode.record_types import payloads_of
@@ -67,12 +67,13 @@ class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
         self.header = header
         self._keep_cut = keep_cut
         self._part = (recording_path if keep_cut else part_path)(self.path)
-        self._next_tick = self._next_step = 0
+        cars = len(header.cars) or 1
+        self._next_ticks, self._next_step = [0] * cars, 0
         self._signal_count: int | None = None
-        self._rows: list[EgoRow] = []
+        self._rows: list[list[EgoRow]] = [[] for _ in range(cars)]
         self._frames: list[tuple[ActorFrame, NDArray[np.uint8]]] = []
         self._happened: list[Packed] = []
-        self._packed_ticks = self._packed_steps = 0
+        self._packed_ticks, self._packed_steps = [0] * cars, 0
         self._flushed_ns = 0
         self._flushed_at_s = time.monotonic()
         check_episode_output(self.path, overwrite=overwrite)
@@ -84,9 +85,10 @@ class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
             self._file.add_metadata(HEADER_RECORD, header.to_metadata())
         except OSError as error:
             raise EpisodeError(f"cannot record to {self._part}: {error.strerror}") from error
-        self._ego = self._file.add_channel(EGO)
+        self._egos = [self._file.add_channel(ego_record(0))]
         self._actors = self._file.add_channel(ACTORS)
         self._events = self._file.add_channel(EVENT)
+        self._egos += [self._file.add_channel(ego_record(car)) for car in range(1, cars)]
         self._open = True
 
     def __exit__(
@@ -97,18 +99,18 @@ class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
         else:
             self.abandon()
 
-    def ego(self, tick: int, row: EgoRow) -> None:
-        """Append the state after a tick; ticks come without gaps, from 0.
+    def ego(self, tick: int, row: EgoRow, car: int = 0) -> None:
+        """Append the state of a car after a tick; ticks come without gaps, from 0, one car after the other.
 
         Raises:
             EpisodeError: a tick was left out, or the disk is full.
         """
-        if tick != self._next_tick:
-            raise EpisodeError(f"tick {tick} recorded where {self._next_tick} was due")
+        if tick != self._next_ticks[car]:
+            raise EpisodeError(f"tick {tick} recorded where {self._next_ticks[car]} was due")
         self._check_open()
-        self._next_tick += 1
-        self._rows.append(row)
-        if tick % STEP_TICKS == 0:
+        self._next_ticks[car] += 1
+        self._rows[car].append(row)
+        if tick % STEP_TICKS == 0 and car == len(self._rows) - 1:
             self._flush_in_time(stamp_ns(tick))
 
     def step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
@@ -199,17 +201,19 @@ class EpisodeWriter(AbstractContextManager["EpisodeWriter"]):
 
     def _messages(self) -> list[Packed]:
         """Messages that wait, in the order of time; ticks and steps are packed together."""
-        rows, frames, messages = _taken(self._rows), _taken(self._frames), _taken(self._happened)
+        frames, messages = _taken(self._frames), _taken(self._happened)
         if frames:
             first = self._packed_steps
             self._packed_steps += len(frames)
             steps = enumerate(payloads_of(pack_actors(first, *zip(*frames, strict=True))), start=first)
             messages += [(self._actors, step * STEP_NS, payload) for step, payload in steps]
-        if rows:
-            first = self._packed_ticks
-            self._packed_ticks += len(rows)
+        for car, waiting in enumerate(self._rows):
+            if not (rows := _taken(waiting)):
+                continue
+            first = self._packed_ticks[car]
+            self._packed_ticks[car] += len(rows)
             ticks = enumerate(payloads_of(pack_ego(first, rows)), start=first)
-            messages += [(self._ego, stamp_ns(tick), payload) for tick, payload in ticks]
+            messages += [(self._egos[car], stamp_ns(tick), payload) for tick, payload in ticks]
         return sorted(messages, key=itemgetter(1))
 
 

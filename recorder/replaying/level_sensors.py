@@ -61,7 +61,7 @@ class LevelSensors:
         # Conditions that differ in faults alone share all that is measured.
         self._weathers = list(dict.fromkeys(condition.weather for condition in conditions))
         self._weather_of = [self._weathers.index(condition.weather) for condition in conditions]
-        episode = Episode.load(recipe.episode)
+        episode = Episode.load(recipe.episode, car=recipe.car)
         self._timeline = level.select(episode.timeline())
         # No other reference to the town remains, so that the stage can release its meshes.
         self._stage = SensorStage(

@@ -1,5 +1,6 @@
 """Options of a replay, and the rig that they give."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -82,6 +83,8 @@ class ReplayConfig(ReplayOptions):
     """Episode to replay."""
     out: Path
     """Folder of the dataset; must not hold these sequences yet."""
+    car: int = 1
+    """Car that carries the rig, from 1."""
     start_s: float = 0.0
     """Beginning of the stretch [s]."""
     duration_s: float | None = None
@@ -99,6 +102,13 @@ class ReplayConfig(ReplayOptions):
         set_paths(self, "episode", "out")
         if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
             raise ConfigError("start must not be negative and duration must be above zero")
+
+
+def own_seed(seed: int, car: int) -> int:
+    """Seed of a car's noise: a drive's own for the first, others for the others."""
+    if car == 1:
+        return seed
+    return int.from_bytes(hashlib.blake2b(f"{seed}/car{car}".encode(), digest_size=4).digest(), "big") >> 1
 
 
 def rig_of(config: ReplayOptions) -> SensorRig:

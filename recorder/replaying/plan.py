@@ -24,7 +24,7 @@ from recorder.replaying.camera_history import past_s
 from recorder.replaying.code_digest import code_digest, own_code_digest
 from recorder.replaying.conditions import conditions_of
 from recorder.replaying.cost import ReplayCost, replay_cost
-from recorder.replaying.options import ReplayConfig, rig_of, without_unwritten
+from recorder.replaying.options import ReplayConfig, own_seed, rig_of, without_unwritten
 from recorder.replaying.recipe import Recipe, Unit, units_of
 from recorder.writers.stream_sizes import Stretch
 
@@ -108,6 +108,7 @@ class ReplayPlan:
             "town": f"{self.town.name} {self.town.source_hash}",
             "episode": self.origin["episode"]["sha256"],
             "rig": repr(self.rig),
+            "car": repr(recipe.car),
             "stretch": repr((self.span_ns, recipe.camera_ns)),
             "set of conditions": repr(recipe.conditions),
             "set of formats": repr(
@@ -153,13 +154,14 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     faults.check(rig.sensors)
     rig = replace(rig, faults=Faults())
     conditions = conditions_of(config.weathers, config.traffic, faults)
-    episode = Episode.load(config.episode)
+    episode = Episode.load(config.episode, car=config.car)
     timeline = episode.timeline()
     span, cameras = _spans(config, timeline)
     town = town_id_of(episode, config.map)
-    seed = episode.header.seed if config.seed is None else config.seed
+    seed = own_seed(episode.header.seed if config.seed is None else config.seed, config.car)
     recipe = Recipe(
         episode=config.episode.resolve(),
+        car=config.car,
         town=town.source.resolve(),
         conditions=conditions,
         rig=without_unwritten(rig, config.formats, config.topics),

@@ -22,6 +22,8 @@ class Recipe:
 
     episode: Path
     """The drive, absolute path."""
+    car: int = 1
+    """Car that carries the rig, from 1."""
     town: Path
     """OpenDRIVE file of its town, absolute path."""
     conditions: tuple[Condition, ...]

@@ -175,7 +175,7 @@ def describe_drive(
     recipe = asked.recipe if conditions is None else replace(asked.recipe, conditions=conditions)
     faults = recipe.conditions[0].faults
     origin = drive_origin(
-        Episode.load(config.episode), rig.believed(faults),
+        Episode.load(config.episode, car=config.car), rig.believed(faults),
         seed=recipe.seed, span_ns=asked.span_ns, topics=recipe.topics,
     )  # fmt: skip
     plan = replace(asked, rig=rig, recipe=replace(recipe, rig=rig), origin=origin)

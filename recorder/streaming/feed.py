@@ -60,7 +60,7 @@ class Feed:
 
     def __init__(self, job: FrameJob, lanes: Sequence[Sequence[Listener]]) -> None:
         self._job, self._lock = job, threading.Lock()
-        self._timeline = Episode.load(job.recipe.episode).timeline()
+        self._timeline = Episode.load(job.recipe.episode, car=job.recipe.car).timeline()
         self._answers: dict[object, bytes] = {}
         self.shared = (0, 0)
         """Instants that were measured, and frames that were made of them."""

@@ -32,6 +32,8 @@ _LANE_LEAST_M = 20.0
 """Shorter lanes are no place to begin or to end at, where others are [m]."""
 _SHORTEST_ROUTE_M = 2.0
 """No route is shorter [m]."""
+CARS_APART_M = 15.0
+"""Cars of a drive begin at least so far from each other [m]."""
 _SAME_ROUTE_M = 0.01
 """Routes that differ more in length are not the same [m]."""
 
@@ -101,11 +103,14 @@ class DrivenRoute(NamedTuple):
     """Points near lanes that it was planned through [m]; empty: the town's own route."""
     start: float
     """Share of the planned route that is left out before the car."""
+    end: float | None = None
+    """Share of the planned route at which it ends; None: its own end."""
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain data, as the header of an episode holds them."""
         length = {"length_m": self.route.length_m, "closed": self.route.closed}
-        return {"points_m": [list(point) for point in self.points_m], "start": self.start, **length}
+        end = {} if self.end is None else {"end": self.end}
+        return {"points_m": [list(point) for point in self.points_m], "start": self.start, **end, **length}
 
 
 def route_again(mapping: Mapping[str, Any], town: Town) -> Route:
@@ -116,8 +121,11 @@ def route_again(mapping: Mapping[str, Any], town: Town) -> Route:
         MapError: a point lies off the lanes, or no lanes lead from one to the next.
     """
     points = mapping.get("points_m") or "town"
-    start = EpisodeStart.of({"route": points, "start": mapping.get("start", 0.0)})
-    route = route_of(start, town, np.random.default_rng(0)).route
+    end = mapping.get("end")
+    given = {"route": points} if end is not None else {"route": points, "start": mapping.get("start", 0.0)}
+    route = route_of(EpisodeStart.of(given), town, np.random.default_rng(0)).route
+    if end is not None:
+        route = _between(route, float(mapping["start"]), float(end))
     length_m = float(mapping.get("length_m", route.length_m))
     if abs(length_m - route.length_m) > _SAME_ROUTE_M:
         raise ConfigError(
@@ -143,6 +151,74 @@ def route_of(start: EpisodeStart, town: Town, rng: np.random.Generator) -> Drive
     share = rng.uniform(0.0, _LAST_START) if start.start == ANYWHERE else float(start.start)
     rest = _from(route, share * route.length_m) if share else route
     return DrivenRoute(route=rest, points_m=tuple(points), start=share)
+
+
+def car_routes(
+    start: EpisodeStart, town: Town, rng: np.random.Generator, cars: int, overlap: float
+) -> list[DrivenRoute]:
+    """Routes of the cars of a drive; one car has that of `route_of`.
+
+    Several have stretches of it, as long as each other, each of which has a share in common with the next;
+    random routes are drawn for each.
+
+    Args:
+        start: What is asked for.
+        town: Where.
+        rng: Draws random routes and starts.
+        cars: Number of cars.
+        overlap: Share of a stretch that it has in common with the next, 0 to 1.
+
+    Raises:
+        ConfigError: the route is too short for so many cars, or as `route_of`.
+        MapError: as `route_of`.
+    """
+    whole = route_of(start, town, rng)
+    if cars == 1:
+        return [whole]
+    if start.route == "random":
+        return _apart([whole], start, town, rng, cars)
+    length_m, points = whole.route.length_m, whole.points_m
+    step = (1.0 - overlap) / (cars - (cars - 1) * overlap)
+    step = max(step, CARS_APART_M / length_m)
+    share = 1.0 - (cars - 1) * step
+    if share * length_m < CARS_APART_M:
+        raise ConfigError(f"a route of {length_m:.0f} m is too short for {cars} cars; give fewer")
+    if whole.start:
+        # Shares are counted on the planned route, as `route_again` does.
+        planned = _whole_route(start, town, rng)[0]
+        scale, first = (1.0 if planned.closed else 1.0 - whole.start), whole.start
+        stretches = [(first + scale * k * step, first + scale * (k * step + share)) for k in range(cars)]
+        return [DrivenRoute(_between(planned, *ends), points, *ends) for ends in stretches]
+    stretches = [(k * step, k * step + share) for k in range(cars)]
+    return [DrivenRoute(_between(whole.route, *ends), points, *ends) for ends in stretches]
+
+
+def _apart(
+    routes: list[DrivenRoute], start: EpisodeStart, town: Town, rng: np.random.Generator, cars: int
+) -> list[DrivenRoute]:
+    """Random routes, of which no two begin next to each other."""
+    for _ in range(_TRIES):
+        drawn = route_of(start, town, rng)
+        begin_m = drawn.route.position_m[0]
+        apart_m = [float(np.linalg.norm(begin_m - other.route.position_m[0])) for other in routes]
+        if min(apart_m) > CARS_APART_M:
+            routes.append(drawn)
+        if len(routes) == cars:
+            return routes
+    raise ConfigError(
+        f"no {cars} random routes begin apart from each other in '{town.name}'; give fewer cars"
+    )
+
+
+def _between(route: Route, start: float, end: float) -> Route:
+    """The stretch of a route between two shares of it, an open route; a loop goes on past its end."""
+    count = len(route.position_m)
+    last = end * route.length_m / route.step_m
+    rows = np.arange(round(start * route.length_m / route.step_m), round(last) + 1)
+    rows = rows % count if route.closed else rows[rows < count]
+    columns = {item.name: getattr(route, item.name) for item in fields(route)}
+    taken: Any = {name: values[rows] for name, values in columns.items() if isinstance(values, np.ndarray)}
+    return replace(route, **taken, length_m=(len(rows) - 1) * route.step_m, closed=False)
 
 
 def _from(route: Route, s_m: float) -> Route:

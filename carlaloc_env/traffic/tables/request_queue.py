@@ -31,24 +31,25 @@ class Requests(NamedTuple):
     holder_first: Index
     """Rows of `holder` for each lane, (N + 1,)."""
     holder: Index
-    """Vehicle · HELD + slot in its list of held lanes, (N · HELD,)."""
+    """Vehicle or ego · HELD + slot in its list of held lanes, ((N + C) · HELD,)."""
     claimed: Array
     """Room claimed on each lane by those admitted to a junction before it [m], (N,)."""
     used: Index
     """Requests in use, and the number of the next ticket, (2,)."""
 
 
-def empty_requests(vehicles: int, lanes: int) -> Requests:
+def empty_requests(vehicles: int, egos: int, lanes: int) -> Requests:
     """Room for all requests of a number of vehicles, one for each lane of each plan at most.
 
     Args:
-        vehicles: Number of vehicles, the ego not counted.
+        vehicles: Number of vehicles, egos not counted.
+        egos: Number of egos.
         lanes: Number of lanes.
     """
     return Requests(
         queue=columns(RequestQueue, vehicles * PLAN),
         holder_first=np.zeros(lanes + 1, np.int64),
-        holder=np.zeros((vehicles + 1) * HELD, np.int64),
+        holder=np.zeros((vehicles + egos) * HELD, np.int64),
         claimed=np.zeros(lanes),
         used=np.zeros(2, np.int64),
     )

@@ -1,6 +1,6 @@
 """State of vehicles and drivers: record arrays that compiled functions read and write.
 
-All have one row more than there are vehicles, N + 1: the last row is the ego.
+All have a row for each of N vehicles, then one for each of C cars that are driven from elsewhere: the egos.
 """
 
 from typing import Annotated, NamedTuple
@@ -28,7 +28,7 @@ HELD = 6
 
 
 class Drivers:
-    """Fixed properties of N vehicles and their drivers; the last row is the ego, (N + 1,) each."""
+    """Fixed properties of N vehicles and their drivers, then of the egos, (N + C,) each."""
 
     length_m: Array
     """Vehicle length [m]."""
@@ -78,69 +78,72 @@ class DriverParameters(NamedTuple):
 
 
 class Fleet:
-    """State of N vehicles; the last row is the ego."""
+    """State of N vehicles, then of the egos."""
 
     plan: Annotated[Index, PLAN]
-    """Lanes each vehicle will drive, the present one first, −1 = none, (N + 1, PLAN)."""
+    """Lanes each vehicle will drive, the present one first, −1 = none, (N + C, PLAN)."""
     past: Annotated[Index, PAST]
-    """Lanes it came from, the last one first, −1 = none, (N + 1, PAST)."""
+    """Lanes it came from, the last one first, −1 = none, (N + C, PAST)."""
     station_m: Array
-    """Station of the vehicle's centre on its lane [m], (N + 1,)."""
+    """Station of the vehicle's centre on its lane [m], (N + C,)."""
     speed_mps: Array
-    """Speed [m/s], (N + 1,)."""
+    """Speed [m/s], (N + C,)."""
     acceleration_mps2: Array
-    """Acceleration [m/s²], (N + 1,)."""
+    """Acceleration [m/s²], (N + C,)."""
     travelled_m: Array
-    """Distance covered [m], (N + 1,)."""
+    """Distance covered [m], (N + C,)."""
     waited_s: Array
-    """Time for which it has stood [s], (N + 1,)."""
+    """Time for which it has stood [s], (N + C,)."""
     goes_first_s: Array
-    """Time left in which it moves before vehicles that stand, having waited in a junction [s], (N + 1,)."""
+    """Time left in which it moves before vehicles that stand, having waited in a junction [s], (N + C,)."""
     stopped_s: Array
-    """Time for which it has stood at the stop sign before it [s], (N + 1,)."""
+    """Time for which it has stood at the stop sign before it [s], (N + C,)."""
     goals: Annotated[Index, GOALS]
-    """Junction lanes that the driver heads for, one after the other, −1 = none, (N + 1, GOALS)."""
+    """Junction lanes that the driver heads for, one after the other, −1 = none, (N + C, GOALS)."""
     draws: Index
-    """Number of goals reached, (N + 1,)."""
+    """Number of goals reached, (N + C,)."""
     held_lane: Annotated[Index, HELD]
-    """Junction lanes that it is admitted to, −1 = none, (N + 1, HELD)."""
+    """Junction lanes that it is admitted to, −1 = none, (N + C, HELD)."""
     held_front_m: Annotated[Array, HELD]
-    """Station of its front on each of them [m], negative before it, (N + 1, HELD)."""
+    """Station of its front on each of them [m], negative before it, (N + C, HELD)."""
     held_ticket: Annotated[Index, HELD]
-    """Order of admission, (N + 1, HELD)."""
+    """Order of admission, (N + C, HELD)."""
     lateral_offset_m: Array
-    """Distance of the centre to the left of the lane's centre line [m], (N + 1,)."""
+    """Distance of the centre to the left of the lane's centre line [m], (N + C,)."""
     lateral_slope: Array
-    """Distance that it moves to the left per distance driven, (N + 1,)."""
+    """Distance that it moves to the left per distance driven, (N + C,)."""
     origin: Index
-    """Side of the lane that it is leaving: 1 left, −1 right, 0 none, (N + 1,)."""
+    """Side of the lane that it is leaving: 1 left, −1 right, 0 none, (N + C,)."""
     change: Array
-    """Fraction of the lane change that is done, (N + 1,)."""
+    """Fraction of the lane change that is done, (N + C,)."""
     spacing_m: Array
-    """Distance between the two lanes of the change [m], (N + 1,)."""
+    """Distance between the two lanes of the change [m], (N + C,)."""
     desired_side: Index
-    """Side to which it indicates a lane change, (N + 1,)."""
+    """Side to which it indicates a lane change, (N + C,)."""
     indicated_s: Array
-    """Time for which it has indicated [s], (N + 1,)."""
+    """Time for which it has indicated [s], (N + C,)."""
     urgent: Flags
-    """Whether the path needs that change soon, (N + 1,)."""
+    """Whether the path needs that change soon, (N + C,)."""
     at_stop_sign: Flags
-    """Whether it stands or comes to a stand at a stop sign, (N + 1,)."""
+    """Whether it stands or comes to a stand at a stop sign, (N + C,)."""
     refused: Index
-    """Why it may not enter the junction before it (`REFUSED_…`), 0 = it may or need not, (N + 1,)."""
+    """Why it may not enter the junction before it (`REFUSED_…`), 0 = it may or need not, (N + C,)."""
     blocker: Index
-    """Vehicle that takes the room it needs behind that junction, −1 = none, (N + 1,)."""
+    """Vehicle that takes the room it needs behind that junction, −1 = none, (N + C,)."""
     leader: Index
-    """Vehicle in front, −1 = none, (N + 1,)."""
+    """Vehicle in front, −1 = none, (N + C,)."""
     gap_m: Array
-    """Gap to the leader [m], (N + 1,)."""
+    """Gap to the leader [m], (N + C,)."""
+    is_ego: Flags
+    """Whether it is driven from elsewhere, (N + C,)."""
     stop_gap_m: Array
-    """Distance from the front to where it has to stop [m], inf = nowhere, (N + 1,)."""
+    """Distance from the front to where it has to stop [m], inf = nowhere, (N + C,)."""
 
 
-def empty_fleet(count: int) -> Fleet:
-    """Empty state of N vehicles and the ego, (N + 1,); no vehicle is on a lane yet."""
-    fleet = columns(Fleet, count + 1)
+def empty_fleet(count: int, egos: int) -> Fleet:
+    """Empty state of N vehicles and C egos, (N + C,); no vehicle is on a lane yet."""
+    fleet = columns(Fleet, count + egos)
+    fleet.is_ego[count:] = True
     for column in (fleet.plan, fleet.past, fleet.goals, fleet.held_lane, fleet.leader, fleet.blocker):
         column[...] = -1
     fleet.change[:] = 1.0

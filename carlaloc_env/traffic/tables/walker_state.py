@@ -39,7 +39,7 @@ class WalkerState:
 
 
 class VehicleBoxes:
-    """Boxes of N vehicles as walkers see them; the last row is the ego, (N + 1,)."""
+    """Boxes of N vehicles as walkers see them, then of the egos, (N + C,)."""
 
     position_m: Annotated[Array, 2]
     """Centre [m]."""
@@ -51,3 +51,5 @@ class VehicleBoxes:
     """Speed [m/s]."""
     height_m: Array
     """Height above the sea [m]."""
+    is_ego: Flags
+    """Whether it is driven from elsewhere."""

@@ -56,7 +56,7 @@ def follow(
     """IDM+ acceleration of vehicle v with its driver's own headway, gap, acceleration and braking [m/s²].
 
     Args:
-        drivers: All drivers, (N + 1,).
+        drivers: All drivers, (N + C,).
         v: The vehicle.
         speed_mps: Its speed [m/s].
         desired_mps: Speed that it would drive on a free road [m/s].

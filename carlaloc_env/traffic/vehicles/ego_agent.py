@@ -1,4 +1,4 @@
-"""The ego as other road users see it, and the lanes it stands on and heads for."""
+"""Egos as other road users see them, and the lanes they stand on and head for."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -49,6 +49,28 @@ class EgoBox(NamedTuple):
     """Half the length [m]."""
     half_width_m: float
     """Half the width [m]."""
+
+
+class EgoBoxes:
+    """Boxes of C egos, columns named as in `EgoBox`."""
+
+    x_m: Array
+    y_m: Array
+    z_m: Array
+    cos: Array
+    sin: Array
+    speed_mps: Array
+    half_length_m: Array
+    half_width_m: Array
+
+
+@compiled
+def box_of(boxes: EgoBoxes, c: int) -> EgoBox:
+    """The box of one ego."""
+    return EgoBox(
+        boxes.x_m[c], boxes.y_m[c], boxes.z_m[c], boxes.cos[c], boxes.sin[c], boxes.speed_mps[c],
+        boxes.half_length_m[c], boxes.half_width_m[c],
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,13 +153,12 @@ def build_cells(roads: Roads, driving: Flags) -> LaneCells:
 
 
 @compiled
-def add_ego(occupancy: Occupancy, cells: LaneCells, roads: Roads, fleet: Fleet, ego: EgoBox) -> None:
-    """Add the ego to every lane that its box touches, and hold the junction lanes it drives along.
+def add_ego(occupancy: Occupancy, cells: LaneCells, roads: Roads, fleet: Fleet, me: int, ego: EgoBox) -> None:
+    """Add an ego to every lane that its box touches, and hold the junction lanes it drives along.
 
-    Its body is the last row of the fleet; it has the right of way on what lies straight
+    Its body is row `me` of the fleet; it has the right of way on what lies straight
     ahead of it within two seconds.
     """
-    me = len(fleet.speed_mps) - 1
     fleet.speed_mps[me] = ego.speed_mps
     fleet.held_lane[me, :] = -1
     _occupy_lanes(occupancy, cells, roads, fleet, me, ego)

@@ -77,8 +77,8 @@ def decide_lane_changes(
     Args:
         occupancy: Bodies on every lane.
         roads: The roads.
-        drivers: Drivers, (N + 1,).
-        fleet: State, changed in place, (N + 1,).
+        drivers: Drivers, (N + C,).
+        fleet: State, changed in place, (N + C,).
         parameters: Parameters of all drivers.
         density: Density of each stretch, (lanes,).
         taken: Step at which a vehicle last moved into each lane, (lanes,): one a step.

@@ -103,7 +103,7 @@ def plan_ahead(roads: Roads, density: Array, fleet: Fleet, v: int, seed: int) ->
     Args:
         roads: The roads.
         density: As `measure_density` says, (lanes,).
-        fleet: State, (N + 1,).
+        fleet: State, (N + C,).
         v: The vehicle.
         seed: Seed of all draws.
     """

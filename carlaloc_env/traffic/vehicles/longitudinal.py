@@ -49,7 +49,7 @@ def follow_leaders(
 ) -> None:
     """Find the leader of each of the first `count` vehicles, and the IDM+ acceleration behind it.
 
-    Writes `fleet.leader` and `gap_m` [m] and `desired_mps2` [m/s²], each (N + 1,).
+    Writes `fleet.leader` and `gap_m` [m] and `desired_mps2` [m/s²], each (N + C,).
     """
     for v in range(count):
         half, speed = 0.5 * drivers.length_m[v], fleet.speed_mps[v]
@@ -96,7 +96,7 @@ def make_room_for_changes(
 ) -> None:
     """Adapt vehicles that must change lanes to the gap beside; the first behind that gap lets them in.
 
-    Lowers `desired_mps2` [m/s²], (N + 1,), to a comfortable braking at most.
+    Lowers `desired_mps2` [m/s²], (N + C,), to a comfortable braking at most.
     """
     for v in range(count):
         if fleet.desired_side[v] == 0 or not fleet.urgent[v]:
@@ -122,7 +122,7 @@ def make_room_for_changes(
 
 @compiled
 def brake_for_stops(drivers: Drivers, fleet: Fleet, desired_mps2: Array, count: int) -> None:
-    """Brake for `fleet.stop_gap_m` [m], IDM+ behind a standing leader; lowers `desired_mps2`, (N + 1,)."""
+    """Brake for `fleet.stop_gap_m` [m], IDM+ behind a standing leader; lowers `desired_mps2`, (N + C,)."""
     for v in range(count):
         if fleet.stop_gap_m[v] < np.inf:
             halt = idm_plus(
@@ -143,7 +143,7 @@ def integrate_motion(fleet: Fleet, desired_mps2: Array, count: int) -> None:
     """Integrate speeds and stations of the first `count` vehicles over one step.
 
     Acceleration rises and falls as fast as a foot moves a pedal. Writes `acceleration_mps2`, `speed_mps`,
-    `station_m`, `travelled_m`, `waited_s`, `stopped_s`, each (N + 1,), and `held_front_m`.
+    `station_m`, `travelled_m`, `waited_s`, `stopped_s`, each (N + C,), and `held_front_m`.
     """
     for v in range(count):
         speed, a = fleet.speed_mps[v], fleet.acceleration_mps2[v]

@@ -41,8 +41,8 @@ def reenter_map(
     Args:
         occupancy: Bodies on every lane.
         roads: The roads.
-        drivers: Drivers, (N + 1,).
-        fleet: State, changed in place, (N + 1,).
+        drivers: Drivers, (N + C,).
+        fleet: State, changed in place, (N + C,).
         density: Density of each stretch, (lanes,).
         taken: Step at which a vehicle last moved into each lane, (lanes,): one a step.
         count: Number of vehicles.

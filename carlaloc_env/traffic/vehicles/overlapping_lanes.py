@@ -67,7 +67,7 @@ class Overlaps(NamedTuple):
     """All shared pieces by lane."""
 
     first: Index
-    """Where each lane's rows begin, (N + 1,)."""
+    """Where each lane's rows begin, (N + C,)."""
     piece: SharedPieces
 
 
@@ -165,14 +165,13 @@ def yield_at_overlaps(approaches: Approaches, overlaps: Overlaps, fleet: Fleet) 
     Args:
         approaches: Those of this step, as `gather_approaches` left them.
         overlaps: All shared pieces.
-        fleet: State (N + 1,); `stop_gap_m` and `indicated_s` are written.
+        fleet: State (N + C,); `stop_gap_m` and `indicated_s` are written.
     """
     if len(overlaps.piece.twin) == 0:
         return
-    count = len(fleet.speed_mps) - 1
     for k in range(approaches.used[0]):
         v = approaches.entry.vehicle[k]
-        if v == count:
+        if fleet.is_ego[v]:
             continue
         fleet.indicated_s[v] = 0.0
         if approaches.entry.to_enter_m[k] <= 0.0:
@@ -181,10 +180,12 @@ def yield_at_overlaps(approaches: Approaches, overlaps: Overlaps, fleet: Fleet) 
         for j in range(approaches.used[0]):
             if approaches.entry.row[j] != twin or approaches.entry.vehicle[j] == v:
                 continue
-            if _has_priority(fleet, count, approaches.entry, j, k):
+            if _has_priority(fleet, approaches.entry, j, k):
                 gap = max(approaches.entry.to_enter_m[k] - _STOP_BEFORE_M, 0.0)
                 approaches.halt_m[v] = min(approaches.halt_m[v], gap)
-    for v in range(count):
+    for v in range(len(fleet.speed_mps)):
+        if fleet.is_ego[v]:
+            break
         fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], approaches.halt_m[v])
         approaches.halt_m[v] = np.inf
 
@@ -199,7 +200,7 @@ def gather_approaches(
     fleet: Fleet,
     count: int,
 ) -> None:
-    """Gather vehicles in shared pieces or coming up to them: along plans, with tails, and the ego.
+    """Gather vehicles in shared pieces or coming up to them: along plans, with tails, and the egos.
 
     Writes the rows of `approaches` from 0 on and their number.
     """
@@ -227,11 +228,12 @@ def gather_approaches(
                 begins = -station_beside(roads, lane, fleet.station_m[v], old)
                 _add_lane(approaches, overlaps, v, old, begins, half, 0.0, -np.inf, -np.inf)
     for k in range(occupancy.used[0]):
-        if occupancy.body.owner[k] == count:
+        owner = occupancy.body.owner[k]
+        if fleet.is_ego[owner]:
             range_m = _EGO_RANGE_S * occupancy.body.speed_mps[k]
             lane, begins = occupancy.body.lane[k], -occupancy.body.centre_m[k]
             half = occupancy.body.half_m[k]
-            _add_lane(approaches, overlaps, count, lane, begins, half, range_m, -np.inf, -np.inf)
+            _add_lane(approaches, overlaps, owner, lane, begins, half, range_m, -np.inf, -np.inf)
 
 
 @compiled
@@ -270,11 +272,11 @@ def _add_lane(
 
 
 @compiled
-def _has_priority(fleet: Fleet, me: int, entry: ApproachRows, j: int, k: int) -> bool:
+def _has_priority(fleet: Fleet, entry: ApproachRows, j: int, k: int) -> bool:
     """Whether approach j passes a shared piece before approach k, which is still outside."""
     h, v = entry.vehicle[j], entry.vehicle[k]
     h_distance, distance = entry.to_enter_m[j], entry.to_enter_m[k]
-    if h_distance <= 0.0 or h == me:
+    if h_distance <= 0.0 or fleet.is_ego[h]:
         return not (fleet.waited_s[v] > _STUCK_S and fleet.speed_mps[h] < STANDING_MPS)
     h_speed, speed = fleet.speed_mps[h], fleet.speed_mps[v]
     # A vehicle that stands farther off for another reason does not come.

@@ -35,13 +35,13 @@ def yield_to_walkers(
     count: int,
     step: int,
 ) -> None:
-    """Stop before crossings that walkers have taken; lowers `fleet.stop_gap_m` [m], (N + 1,).
+    """Stop before crossings that walkers have taken; lowers `fleet.stop_gap_m` [m], (N + C,).
 
     Args:
         taken: 0, WANTED or TAKEN for each crossing, (C,).
         roads: The roads.
-        drivers: Drivers, (N + 1,).
-        fleet: State, (N + 1,).
+        drivers: Drivers, (N + C,).
+        fleet: State, (N + C,).
         parameters: Parameters of all drivers.
         count: Number of vehicles.
         step: Number of this step.

@@ -70,6 +70,9 @@ def show(result: dict[str, Any]) -> None:
     print(f"  close      a mover less than 10 m ahead for {result['mover_close_s']:.0f} s")
     broken = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in result["violations"].items())
     print(f"  collisions {result['collisions']}; rules broken: {broken or 'none'}")
+    for number, car in enumerate(result["cars"], 1):
+        figures = f"{car['driven_m']:.1f} m by {car['device']}, {car['collisions']} collisions"
+        print(f"  car {number}      {figures}")
     if result["meets_table"] is not None:
         verdict = "meets" if result["meets_table"] else "does not meet"
         print(

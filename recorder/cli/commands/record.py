@@ -5,6 +5,7 @@ Examples:
   carlaloc record --map Town03 --duration 40 --seed 7 --traffic 0.5 --out short.mcap
   carlaloc record --device keyboard --out mine.mcap
   carlaloc record --device wheel --calibrate
+  carlaloc record --map Town03 --cars 3 --overlap 0.6 --out fleet.mcap
   carlaloc record --device policy.py --route random --start anywhere --out agent.mcap
 """
 
@@ -28,6 +29,7 @@ from recorder.cli.arguments import (
     number,
     numbers,
     option,
+    positive_int,
     positive_seconds,
     seed,
 )
@@ -73,6 +75,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start", type=route_start, default=0.0, metavar="SHARE",
         help="share of the route at which the car starts, 0 to below 1, or anywhere",
+    )  # fmt: skip
+    parser.add_argument(
+        "--cars", type=positive_int, default=1, metavar="N", help="cars in one world (default: 1)"
+    )
+    parser.add_argument(
+        "--overlap", type=number, default=0.5, metavar="SHARE",
+        help="share of its route that each of several cars has in common with the next (default: 0.5)",
     )  # fmt: skip
     parser.add_argument("--weather", help="weather in the window, or a schedule.yaml (default: ClearNoon)")
     parser.add_argument(
@@ -214,6 +223,8 @@ def show(result: dict[str, Any]) -> None:
             f"{result['path']}: {result['duration_s']:.1f} s, {result['driven_m']:.1f} m driven, "
             f"{result['route_m']:.1f} m along the route, {result['collisions']} collisions"
         )
+        for number, car in enumerate(result["cars"], 1):
+            print(f"  car {number}: {car['driven_m']:.1f} m driven, {car['collisions']} collisions")
         for kind, count in result["violations"].items():
             print(f"  {kind.replace('_', ' ')}: {count}")
         for path in result["attempts"]:

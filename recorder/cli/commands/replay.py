@@ -2,6 +2,7 @@
 
 Examples:
   carlaloc replay drive.mcap --out data --weather ClearNoon,FoggyNoon --traffic static,dynamic
+  carlaloc replay fleet.mcap --out fleet --car all --rig lidar --format rosbag2
   carlaloc replay drive.mcap --out lidar --rig lidar --format rosbag1 --start 10 --duration 20
 """
 
@@ -17,6 +18,7 @@ from recorder.cli.arguments import (
     add_stretch_options,
     config_of,
     input_path,
+    number,
     option,
     positive_int,
     positive_seconds,
@@ -40,7 +42,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--camera-duration", positive_seconds, "S", "length of pictures [s]")
     text = "as many datasets, of this and the next seeds of noise, in OUT/seed<S>"
     option(parser, "--noise-seeds", positive_int, "N", text, 1)
+    parser.add_argument(
+        "--car", type=_car, metavar="N",
+        help="of a drive of several cars, the one that carries the rig, or all: in OUT/car<N> (default: the "
+        "first, in OUT)",
+    )  # fmt: skip
+    option(parser, "--radio-range", number, "M", "cars hear each other so far [m], with --car all", 70.0)
     parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
+
+
+def _car(text: str) -> str | int:
+    return text if text == "all" else positive_int(text)
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -55,11 +67,12 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     config = config_of(
         ReplayConfig, arguments, **replay_options(arguments), start_s=arguments.start,
         duration_s=arguments.duration, camera_start_s=arguments.camera_start,
-        camera_duration_s=arguments.camera_duration,
+        camera_duration_s=arguments.camera_duration, car=1,
     )  # fmt: skip
+    of_cars = _of_cars(config, arguments.car)
     results: list[Any] = []
     known: list[ReplayCost] = []
-    replays = _of_noise_seeds(config, arguments.noise_seeds)
+    replays = [seeded for of_car in of_cars for seeded in _of_noise_seeds(of_car, arguments.noise_seeds)]
 
     def announce(cost: ReplayCost) -> None:
         """Before the first replay, for all of them."""
@@ -79,6 +92,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     for replayed in replays:
         with Progress("replaying") as progress:
             results.append(replay(replayed, progress.update, announce=None if results else announce))
+    between = _between_cars(config, of_cars, arguments) if arguments.car == "all" else {}
     samples: Counter[str] = Counter()
     for result in results:
         samples.update(result.samples)
@@ -87,7 +101,35 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "sequences": [str(path) for result in results for path in result.sequences],
         "ground_truth": str(results[0].ground_truth),
         "samples": dict(sorted(samples.items())),
+        **between,
     }
+
+
+def _of_cars(config: ReplayConfig, car: str | int | None) -> list[ReplayConfig]:
+    """The replay of the first car, or of one or all in folders of their own."""
+    if car is None:
+        return [config]
+    from recorder.episode.episode import open_episode
+
+    cars = range(1, len(open_episode(config.episode).egos) + 1) if car == "all" else [int(car)]
+    return [replace(config, car=number, out=config.out / f"car{number}") for number in cars]
+
+
+def _between_cars(
+    config: ReplayConfig, of_cars: list[ReplayConfig], arguments: argparse.Namespace
+) -> dict[str, Any]:
+    """Write the truth between cars, where there are several."""
+    if len(of_cars) < 2:
+        return {}
+    from recorder.laboratory.between_cars import write_between_cars
+    from recorder.replaying.plan import plan_replay
+
+    plans = [plan_replay(of_car) for of_car in of_cars]
+    with Progress("pairs of cars") as progress:
+        written = write_between_cars(
+            plans, config.out, radio_range_m=arguments.radio_range, report=progress.update
+        )
+    return {"between_cars": str(written.folder), "closures": written.closures}
 
 
 def _of_noise_seeds(config: ReplayConfig, count: int) -> list[ReplayConfig]:
@@ -106,4 +148,7 @@ def show(result: dict[str, Any]) -> None:
     """Print what was written."""
     for path in result["sequences"]:
         print(path)
+    if "between_cars" in result:
+        closures = "" if result["closures"] is None else f"  ({result['closures']} closures)"
+        print(f"{result['between_cars']}{closures}")
     print(f"{result['ground_truth']}  ({sum(result['samples'].values())} samples in all)")
