@@ -24,6 +24,7 @@ from carlaloc_env.driving.driver_view import DriverView as DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld as DrivingWorld
 from carlaloc_env.envs.any_town_env import AnyTownEnv as AnyTownEnv
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv as CarlaLocEnv
+from carlaloc_env.envs.parallel_env import parallel_env as parallel_env
 from carlaloc_env.envs.task.actions import steer_and_pedal as steer_and_pedal
 from carlaloc_env.envs.task.referee import Referee as Referee
 from carlaloc_env.envs.task.state_vector import StateVector as StateVector

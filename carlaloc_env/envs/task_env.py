@@ -173,22 +173,8 @@ class TaskEnv(BaseEnv):
         self._window.show(view_from_seat(self.stage, self.world, self.weather))
 
     def _info(self, verdict: Verdict, contacts: list[Contact], samples: list[Sample]) -> dict[str, Any]:
-        world, arrived = self.world, verdict.ended_by == "goal"
-        driven = world.route_s_m / world.route.length_m
-        info: dict[str, Any] = {
-            "reward_terms": verdict.terms,
-            "cost": verdict.cost,
-            "cost_terms": {name: float(verdict.terms[name] < 0.0) for name in COSTS},
-            "is_success": arrived,
-            "ended_by": verdict.ended_by or verdict.truncated_by,
-            "stamp_ns": world.now_ns,
-            "route_s_m": world.route_s_m,
-            "route_length_m": world.route.length_m,
-            "route_completion": 1.0 if arrived else min(max(driven, 0.0), 1.0),
-            "route_offset_m": world.route_offset_m,
-            "contacts": contacts,
-            **self._episode,
-        }
+        world = self.world
+        info = {**task_info(world, verdict, contacts), **self._episode}
         if "ego" in self._info_parts:
             info["ego"] = world.state
         if "samples" in self._info_parts:
@@ -199,6 +185,25 @@ class TaskEnv(BaseEnv):
             rays = self.stage.rays() if "visibility" in self._info_parts else None
             info["objects"] = objects_at(world.timeline, world.now_ns, rays=rays)
         return info
+
+
+def task_info(world: TaskWorld, verdict: Verdict, contacts: list[Contact]) -> dict[str, Any]:
+    """What `info` has of the task after every step: rewards, costs, ends and the way along the route."""
+    arrived = verdict.ended_by == "goal"
+    driven = world.route_s_m / world.route.length_m
+    return {
+        "reward_terms": verdict.terms,
+        "cost": verdict.cost,
+        "cost_terms": {name: float(verdict.terms[name] < 0.0) for name in COSTS},
+        "is_success": arrived,
+        "ended_by": verdict.ended_by or verdict.truncated_by,
+        "stamp_ns": world.now_ns,
+        "route_s_m": world.route_s_m,
+        "route_length_m": world.route.length_m,
+        "route_completion": 1.0 if arrived else min(max(driven, 0.0), 1.0),
+        "route_offset_m": world.route_offset_m,
+        "contacts": contacts,
+    }
 
 
 def _info_parts(info: Sequence[str] | None, *, of_sensors: bool) -> frozenset[str]:
