@@ -78,6 +78,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     check_tools()
     import pandas as pd
 
+    from recorder.benchmark.cars import write_cars
     from recorder.benchmark.headline import headline
     from recorder.benchmark.page import write_benchmark_report
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
@@ -93,6 +94,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         result = run_benchmark(config, progress.pieces)
     windows = None if arguments.windows is None else hurt_windows(result, arguments.windows)
     files = write_benchmark_report(result, [] if windows is None else window_tables(windows))
+    written, cars = write_cars(result)
+    files += written
     if arguments.rerun:
         from recorder.benchmark.recordings import write_recordings
 
@@ -111,6 +114,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "reused": result.reused,
         "windows": None if windows is None else windows.to_dict("records"),
         "scores": scores,
+        "cars": cars,
         "failures": failures,
         "above": [
             f"{s.title} {s.town} {s.weather} {s.traffic}: {s.failed or f'APE {s.ape_m:.3f} m'}" for s in above
@@ -188,6 +192,13 @@ def show(result: dict[str, Any]) -> None:
             words = (word.ljust(width) for word, width in zip(row, widths, strict=True))
             print(("  " + "  ".join(words)).rstrip())
         print()
+    for row in result["cars"]:
+        where = f"{row['title']} {row['town']} {row['weather']} {row['traffic']}, {row['cars']} cars"
+        figures = row["failed"] or (
+            f"joint {row['joint_m']:.3f} m, each in it {row['joint_of_m']} m, each alone {row['alone_m']} m, "
+            f"between them {row['between_m']:.3f} m, {row['between_deg']:.2f} deg"
+        )
+        print(f"{where}: {figures}")
     print(f"{result['runs']} runs, {result['reused']} of them done before")
     if lidars := sorted({score["lidar"] for score in result["scores"]} - {""}):
         print(f"LiDAR that systems read: {', '.join(lidars)}")

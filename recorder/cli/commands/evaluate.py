@@ -2,6 +2,7 @@
 
 Examples:
   carlaloc evaluate --truth data/Town03/ground_truth/lidar.tum estimate.tum
+  carlaloc evaluate --truth car1/lidar.tum --truth car2/lidar.tum first.tum second.tum
   carlaloc evaluate --truth truth.tum orb.tum vins.tum --align posyaw --plot figures
   carlaloc evaluate --truth truth.tum odometry.bag --topic /odometry --time-offset search
   carlaloc evaluate --truth lidar.tum orb.tum --estimate-to-truth=-90,0,-90
@@ -29,7 +30,9 @@ from recorder.cli.arguments import (
 )
 
 if TYPE_CHECKING:
+    from recorder.evaluation.align import Alignment
     from recorder.evaluation.evaluation_result import EvaluationResult
+    from recorder.evaluation.trajectory import Trajectory
 
 PLOT = "trajectories.png"
 """Name of the picture."""
@@ -39,7 +42,10 @@ _SECONDS_MAX = 3.2e9
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc evaluate`."""
-    parser.add_argument("--truth", type=input_path, required=True, help="true trajectory")
+    parser.add_argument(
+        "--truth", type=input_path, required=True, action="append",
+        help="true trajectory; again for each further estimate, of robots that are scored together",
+    )  # fmt: skip
     parser.add_argument(
         "estimates",
         type=input_path,
@@ -110,12 +116,15 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.align not in alignments:
         raise ConfigError(unknown_name("alignment", arguments.align, alignments))
     alignment = alignments[arguments.align]
-    truth = read_trajectory(
-        arguments.truth, times=arguments.times, topic=arguments.truth_topic or arguments.topic,
-        quaternion=arguments.truth_quaternion, time_unit=arguments.truth_time_unit,
-    )  # fmt: skip
+    truths = [
+        read_trajectory(
+            path, times=arguments.times, topic=arguments.truth_topic or arguments.topic,
+            quaternion=arguments.truth_quaternion, time_unit=arguments.truth_time_unit,
+        )
+        for path in arguments.truth
+    ]  # fmt: skip
     # Solutions of RTKLIB stand in the axes of the truth where that is one, too.
-    origin = origin_of(arguments.truth) if arguments.truth.suffix == SUFFIX else None
+    origin = origin_of(arguments.truth[0]) if arguments.truth[0].suffix == SUFFIX else None
     estimates = [
         read_trajectory(
             path, times=arguments.times, topic=arguments.topic, quaternion=arguments.quaternion,
@@ -123,7 +132,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         )
         for path in arguments.estimates
     ]  # fmt: skip
-    truth, *estimates = named_apart([arguments.truth, *arguments.estimates], [truth, *estimates])
+    named = named_apart([*arguments.truth, *arguments.estimates], [*truths, *estimates])
+    truths, estimates = named[: len(truths)], named[len(truths) :]
+    if len(truths) > 1:
+        return _of_robots(truths, estimates, alignment)
+    truth = truths[0]
     results, offsets_s = [], []
     for estimate in estimates:
         if arguments.time_offset == "search":
@@ -161,6 +174,13 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "maps": maps,
         "plots": plots + pictures,
     }
+
+
+def _of_robots(truths: list[Trajectory], estimates: list[Trajectory], alignment: Alignment) -> dict[str, Any]:
+    from recorder.evaluation.together import evaluate_together
+
+    together = evaluate_together(truths, estimates, alignment=alignment).to_mapping()
+    return {"results": [], "together": together, "maps": [], "plots": []}
 
 
 def _judge_maps(
@@ -218,6 +238,8 @@ def _nanoseconds(time_s: float) -> int:
 
 def show(result: dict[str, Any]) -> None:
     """Print a table."""
+    if "together" in result:
+        _show_robots(result["together"])
     for row in result["results"]:
         print(f"{row['estimate']}  against {row['truth']}")
         rows = f"{row['matched']} of {row['expected']} poses ({row['coverage']:.1%})"
@@ -247,3 +269,14 @@ def show(result: dict[str, Any]) -> None:
             )
     for plot in result["plots"]:
         print(plot)
+
+
+def _show_robots(together: dict[str, Any]) -> None:
+    print(f"{len(together['robots'])} robots, one fit for all: {together['alignment']}")
+    print(f"  all: APE, position rmse {together['joint_m']['rmse']:.4f} m")
+    for robot in together["robots"]:
+        joint, alone = robot["joint_m"]["rmse"], robot["alone_m"]["rmse"]
+        print(f"  {robot['estimate']}: {joint:.4f} m; after a fit of its own {alone:.4f} m")
+    for pair in together["between"]:
+        a, b = (together["robots"][k]["estimate"] for k in pair["robots"])
+        print(f"  {b} seen from {a}: {pair['m']['rmse']:.4f} m, {pair['deg']['rmse']:.4f} deg")
