@@ -87,7 +87,7 @@ class WeatherParameters:
     snowfall: float = 0.0
     """Rate of falling snow [mm/h of water]."""
     snow_cover: float = 0.0
-    """Share of open level surfaces under snow, 0–1."""
+    """Share of open level surfaces under snow, 0–1 [1]."""
 
     def __post_init__(self) -> None:
         for name, (low, high) in RANGES.items():
