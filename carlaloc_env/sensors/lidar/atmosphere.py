@@ -155,7 +155,9 @@ class DropEcho:
         fade = reflectance * elementary.exp(-2 * air.extinction_per_m * r) / r**2
         if flakes:
             fade *= 1.0 - elementary.exp(-((r / FLAKE_FOCUS_M) ** 2))
-        weakest, strongest = elementary.log(0.02 * power_min), elementary.log(fade.max())
+        # The first step lies just above the weakest flake that is seen, so that none is rounded away.
+        least_power = power_min * (1.0 + 1e-9) if flakes else 0.02 * power_min
+        weakest, strongest = elementary.log(least_power), elementary.log(fade.max())
         self.power = elementary.exp(np.linspace(weakest, strongest, 240))
         least = 2 * radius * np.sqrt(np.minimum(self.power[:, None] / fade, 1.0))
         larger = elementary.exp(-slope * np.maximum(least, DROP_MIN_M))
