@@ -14,7 +14,7 @@ TITLES = {"mid360": "Mid-360: 200 000 points", "avia": "Avia: 240 000 points"}
 
 def main(path: Path = PICTURE) -> Path:
     """Azimuth and elevation of every ray; the first 0.1 s, which is one message, in another colour."""
-    figure = new_figure(12.0, 4.3)
+    figure = new_figure(12.0, 4.8)
     figure.suptitle("Directions in 1 s; those of the first 0.1 s, a message, are orange")
     axes = figure.subplots(1, 2, width_ratios=(2.4, 1.0))
     for panel, (name, title) in zip(axes, TITLES.items(), strict=True):
