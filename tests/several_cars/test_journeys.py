@@ -87,7 +87,7 @@ def test_systems_are_scored_together(fleet: Path, capsys: pytest.CaptureFixture[
         "benchmark",
         str(fleet / "data"),
         "--methods",
-        "kiss-icp",
+        "kiss_icp",
         "--out",
         str(fleet / "scores"),
         "--json",
