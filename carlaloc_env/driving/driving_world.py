@@ -65,7 +65,7 @@ def ids_of_cars(traffic: int, cars: int) -> list[int]:
 class DrivingWorld:
     """One town with cars that are driven, other road users and signals, advanced by 200 Hz ticks.
 
-    What is said of "the" car is said of the first.
+    Attributes of one car are those of the first.
     """
 
     def __init__(

@@ -106,7 +106,7 @@ class CarsEnv(ParallelEnv[str, Any, Any]):  # type: ignore[misc]
         return self._views[self._number[agent]].space
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Space of an agent's actions; each agent has its own, for seeds."""
+        """Space of an agent's actions; a separate one for each agent, for seeds."""
         return self._action_spaces[self._number[agent]]
 
     def reset(

@@ -45,7 +45,8 @@ def extinction_per_m(snowfall: float) -> float:
     """
     if snowfall <= 0.0:
         return 0.0
-    return math.pi * intercept_per_m4(snowfall) / slope_per_m(snowfall) ** 3
+    slope = slope_per_m(snowfall)
+    return math.pi * intercept_per_m4(snowfall) / (slope * slope * slope)
 
 
 def fall_mps(diameter_mm: float) -> float:

@@ -69,7 +69,7 @@ class RecordConfig:
     route: str | tuple[tuple[float, float], ...] = "town"
     """``town``, ``random`` (by the seed), or points (x, y) near lanes that it leads through [m]."""
     cars: int = 1
-    """Number of cars in one world; the program drives all but the first."""
+    """Number of cars in one world [1 and more]; the program drives all but the first."""
     overlap: float = 0.5
     """Share of its route that each car has in common with the next, where there are several, 0 to 1."""
     start: str | float = 0.0

@@ -84,7 +84,7 @@ class ReplayConfig(ReplayOptions):
     out: Path
     """Folder of the dataset; must not hold these sequences yet."""
     car: int = 1
-    """Car that carries the rig, from 1."""
+    """Number of the car that carries the rig [from 1 on]."""
     start_s: float = 0.0
     """Beginning of the stretch [s]."""
     duration_s: float | None = None

@@ -11,6 +11,7 @@ from carlaloc_env.core.files.output_paths import check_output_file, check_output
 from recorder.cli import arguments
 from recorder.cli.commands.evaluate import body_transform
 from recorder.cli.commands.record import route_place, route_start
+from recorder.cli.commands.replay import car_number
 from recorder.cli.main import main
 
 CONTENT = b"bytes of a drive that nobody can make again"
@@ -29,7 +30,7 @@ NAMES_THAT_ARE_READ = {
 VALUES = (
     int, float, arguments.names, arguments.number, arguments.numbers, arguments.seconds,
     arguments.positive_seconds, arguments.positive_int, arguments.seed, arguments.number_or_search,
-    body_transform, route_place, route_start,
+    body_transform, route_place, route_start, car_number,
 )  # fmt: skip
 
 Words, Parser, Action = tuple[str, ...], argparse.ArgumentParser, argparse.Action

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
@@ -144,7 +144,7 @@ def locate(
     axes, free = np.stack(local_axes(geodetic)), len(rows) - width
     left_over = float(np.sum((code_m - expected) ** 2 / variance))
     dop = _dilutions(rows, axes)
-    if (free and left_over > chi2.isf(_SURE, free)) or not dop[0] < _DOP_MAX:
+    if (free and left_over > chdtri(free, _SURE)) or not dop[0] < _DOP_MAX:
         return Fix.none()
     gain_enu = np.sum(axes[:, :, None] * gain[None, :3], axis=1)
     leaving = np.sum(unit * turned(velocities, turn_rad), axis=-1)

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "as many datasets, of this and the next seeds of noise, in OUT/seed<S>"
     option(parser, "--noise-seeds", positive_int, "N", text, 1)
     parser.add_argument(
-        "--car", type=_car, metavar="N",
+        "--car", type=car_number, metavar="N",
         help="of a drive of several cars, the one that carries the rig, or all: in OUT/car<N> (default: the "
         "first, in OUT)",
     )  # fmt: skip
@@ -51,7 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
 
 
-def _car(text: str) -> str | int:
+def car_number(text: str) -> str | int:
+    """``all``, or the number of a car."""
     return text if text == "all" else positive_int(text)
 
 
