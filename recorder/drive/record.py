@@ -71,7 +71,7 @@ class RecordConfig:
     cars: int = 1
     """Number of cars in one world [1 and more]; the program drives all but the first."""
     overlap: float = 0.5
-    """Share of its route that each car has in common with the next, where there are several, 0 to 1."""
+    """Share of its route that each car has in common with the next, where there are several [0 to 1]."""
     start: str | float = 0.0
     """Share of the route that is left out before the car [0 to below 1]; ``anywhere``: by the seed."""
     overwrite: bool = False

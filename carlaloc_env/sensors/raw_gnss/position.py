@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
@@ -21,8 +20,8 @@ USED_DEG = 15.0
 _ROUNDS = 10
 EARTH_RATE_RADPS = 7.2921151467e-5
 """Rotation of the Earth [rad/s]."""
-_SURE, _DOP_MAX = 0.001, 30.0
-"""Chance at which residuals of a good position are refused, and the largest dilution of precision."""
+_SURE_SIGMA, _DOP_MAX = 3.0902, 30.0
+"""Residuals of a good position are refused once in 1000, RTKLIB's rule; largest dilution of precision."""
 _DONE_M = 1e-4
 """Step that ends the iteration [m]."""
 _NOISE_M, _BIAS_M, _IONOSPHERE, _TROPOSPHERE_M = 0.3, 0.3, 0.5, 0.3
@@ -144,7 +143,7 @@ def locate(
     axes, free = np.stack(local_axes(geodetic)), len(rows) - width
     left_over = float(np.sum((code_m - expected) ** 2 / variance))
     dop = _dilutions(rows, axes)
-    if (free and left_over > chdtri(free, _SURE)) or not dop[0] < _DOP_MAX:
+    if (free and left_over > _largest_residual(free)) or not dop[0] < _DOP_MAX:
         return Fix.none()
     gain_enu = np.sum(axes[:, :, None] * gain[None, :3], axis=1)
     leaving = np.sum(unit * turned(velocities, turn_rad), axis=-1)
@@ -241,3 +240,10 @@ def look_angles(geodetic: Array, to: Array) -> tuple[Array, Array]:
     east, north, up = local_axes(geodetic)
     azimuth = elementary.arctan2(np.sum(unit * east, axis=-1), np.sum(unit * north, axis=-1))
     return azimuth, elementary.arcsin(np.clip(np.sum(unit * up, axis=-1), -1.0, 1.0))
+
+
+def _largest_residual(free: int) -> float:
+    """Chi-squared quantile, within 4 % (Wilson and Hilferty 1931) and the same on all processors."""
+    spread = 2.0 / (9.0 * free)
+    root = 1.0 - spread + _SURE_SIGMA * math.sqrt(spread)
+    return free * root * root * root
