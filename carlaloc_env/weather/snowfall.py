@@ -13,8 +13,8 @@ from carlaloc_env.core import elementary
 
 DENSITY_GPCM3 = 0.1
 """Density of flakes [g/cm³]: 0.01 to 0.2 are observed (Hahner et al., "LiDAR snowfall simulation", 2022)."""
-SWELLING = float(elementary.power(1.0 / DENSITY_GPCM3, 1.0 / 3.0))
-"""Diameter of a flake over that of its drop."""
+SWELLING = 2.154434690031884
+"""Diameter of a flake over that of its drop: the cube root of water's density over the flake's."""
 ALBEDO = 0.9
 """Share of the light that a flake throws back, in the visible and at 905 nm (Hahner et al. 2022)."""
 
