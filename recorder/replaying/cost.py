@@ -23,7 +23,7 @@ STREAM_ERRORS = {DepthImage: 0.35, FlowImage: 0.35, NormalImage: 0.35, Events: 0
 """Largest errors of streams whose size depends on the scene, until the first unit is weighed."""
 FILM_PANEL_BYTES, FILM_PICTURE_BYTES, STILL_BYTES = 640 * 360 * 3.0, 2e4, 4.5e5
 """Size of a panel of the film in a spool, of a picture of the film, and of the picture beside it [bytes]."""
-COMMAND_S, PROCESS_S, STAGE_S, CASTING_S, DRAWING_S = 2.5, 1.0, 1.5, 1.0, 5.0
+COMMAND_S, PROCESS_S, STAGE_S, CASTING_S, DRAWING_S = 4.0, 1.0, 1.5, 1.0, 5.0
 """CPU time on the reference machine of the command, of a process, of its sensors of a level, and more of
 those with rays and with pictures [s]."""
 LEVEL_S, RAY_S, RADAR_RAY_S = 0.2, 0.35e-6, 2e-6
