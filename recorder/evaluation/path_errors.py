@@ -55,10 +55,12 @@ class PathErrors:
     def leaves_truth_at_ns(self, over_s: float = 1.0) -> int:
         """Time when the estimate begins to leave the truth [ns].
 
-        The first from which both move differently over `over_s`, by at least half of the largest difference.
+        The first from which both move differently over `over_s`, by at least half of the largest difference;
+        over a quarter of an estimate that is too short for it.
         """
         difference_m = self.estimate_m - self.truth_m
-        later = np.searchsorted(self.stamp_ns, self.stamp_ns + round(over_s * 1e9))
+        over_ns = min(round(over_s * 1e9), int(np.ptp(self.stamp_ns)) // 4)
+        later = np.searchsorted(self.stamp_ns, self.stamp_ns + over_ns)
         later = np.minimum(later, len(self.stamp_ns) - 1)
         apart_m = np.linalg.norm(difference_m[later] - difference_m, axis=1)
         return int(self.stamp_ns[np.argmax(apart_m >= 0.5 * apart_m.max())])
