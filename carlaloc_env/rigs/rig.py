@@ -82,6 +82,31 @@ class SensorRig:
         )
         return text
 
+    def with_value(self, path: str, value: float) -> SensorRig:
+        """The rig with another number in a field of a sensor, or of all sensors of a kind.
+
+        Args:
+            path: Name or kind, then keys as in the rig's file; in a list they count from 0:
+                ``lidar.rate_hz``, ``camera.shutter.readout_ms``, ``camera.right.mount.position_m.1``.
+            value: The number; a whole one also fits fields of integers.
+
+        Raises:
+            ConfigError: there is no such sensor or field, or it cannot have this value.
+        """
+        words = sorted({word for s in self.sensors for word in (s.name, s.kind)}, key=len, reverse=True)
+        word = next((word for word in words if path.startswith(f"{word}.")), "")
+        if not word:
+            raise ConfigError(f"rig.{path}: {unknown_name('sensor', path.partition('.')[0], words)}")
+        number = int(value) if float(value).is_integer() else value
+        named = [s for s in self.sensors if s.name == word]
+        entries = []
+        for sensor in named or self.of_kind(word):
+            entry = {"kind": kind_word(sensor), **to_mapping(sensor)}
+            _put(entry, path.removeprefix(f"{word}."), number, f"rig.{path}")
+            entries.append(entry)
+        document = {"name": self.name, "extends": self.name, "sensors": entries}
+        return SensorRig.from_mapping(document, f"rig.{path}", {self.name: lambda: self})
+
     @classmethod
     def from_yaml(cls, text: str, where: str = "rig", bases: Bases | None = None) -> SensorRig:
         """Rig of a YAML document.
@@ -194,6 +219,18 @@ class Rig:
         """Stamps [ns] of a sensor's samples that become complete in (first_ns, end_ns]."""
         begin = max(first_ns - sensor.latency_ns + 1, 0)
         return sensor.schedule.stamps_ns_in(begin, end_ns - sensor.latency_ns + 1)
+
+
+def _put(entry: dict[str, Any], path: str, number: float, where: str) -> None:
+    """Put a number into nested plain data."""
+    node: Any = entry
+    *above, last = path.split(".")
+    try:
+        for key in above:
+            node = node[int(key)] if isinstance(node, list) else node.setdefault(key, {})
+        node[int(last) if isinstance(node, list) else last] = number
+    except (TypeError, ValueError, IndexError, AttributeError):
+        raise ConfigError(f"{where}: no such field; carlaloc list rigs prints a rig's fields") from None
 
 
 def _base(name: Any, where: str, bases: Bases | None) -> SensorRig:

@@ -168,7 +168,9 @@ class _Run:
     def all_of(self, pending: Sequence[int]) -> None:
         """Run some jobs."""
         jobs = [self._jobs[k] for k in pending]
-        self._beside([job for job in jobs if job.sequence.stream is None])
+        # Systems with cameras take longest: begun first, they leave no core idle at the end.
+        beside = [job for job in jobs if job.sequence.stream is None]
+        self._beside(sorted(beside, key=lambda job: not job.system.is_visual))
         of_drives = [job for job in jobs if job.sequence.stream is not None]
         lacking = {job.folder: lack for job in of_drives if (lack := lacks(job)) is not None}
         for job in of_drives:

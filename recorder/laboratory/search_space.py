@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.faults.faults import KINDS
 from carlaloc_env.faults.fields import quantities
-from recorder.laboratory.sweep import FAULT, TRAFFIC, Setting
+from recorder.laboratory.sweep import FAULT, RIG, TRAFFIC, Setting
 
 STEP = 1e-3
 """Steps in which a search moves, as a share of each range."""
@@ -34,6 +34,8 @@ class Range:
             raise ConfigError(f"range of {self.name}: give two finite values that differ, NEUTRAL:WORST")
         if self.name == TRAFFIC and max(ends) > 1:
             raise ConfigError("traffic is searched up to 1, the recorded one; give another drive for more")
+        if self.name.startswith(RIG):
+            raise ConfigError(f"{self.name}: a search keeps the rig; vary its fields by `carlaloc sweep`")
         Setting().changed(self.name, self.worst)
 
     @classmethod

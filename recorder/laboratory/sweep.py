@@ -14,7 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.faults.faults import Faults, fault_quantity
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.presets import (
     changed_weather,
     weather_quantities,
@@ -31,13 +33,13 @@ from recorder.replaying.conditions import Condition
 from recorder.replaying.options import ReplayConfig, ReplayOptions, rig_of
 from recorder.streaming.drive import DriveConfig, describe_drive
 
-TRAFFIC, FAULT = "traffic", "fault."
-"""Name of the factor of the traffic, and beginning of the names of faults."""
+TRAFFIC, FAULT, RIG = "traffic", "fault.", "rig."
+"""Name of the factor of the traffic, and beginnings of the names of faults and of a rig's fields."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """Weather, traffic and faults in one word each."""
+    """Weather, traffic, faults, and numbers of the rig that differ."""
 
     weather: str = "ClearNoon"
     """A weather with its changes, or a schedule."""
@@ -47,6 +49,8 @@ class Setting:
     """Whether the weather reaches the LiDARs."""
     faults: Faults = field(default_factory=Faults)
     """Faults of the sensors."""
+    rig: tuple[tuple[str, float], ...] = ()
+    """Fields of the rig, as `SensorRig.with_value` takes them, and their numbers."""
 
     @property
     def factor(self) -> float:
@@ -70,8 +74,10 @@ class Setting:
             faults = self.faults.to_mapping()
             faults[target] = {**faults.get(target, {}), key: value}
             return replace(self, faults=Faults.from_mapping(faults))
+        if name.startswith(RIG):
+            return replace(self, rig=(*self.rig, (name.removeprefix(RIG), value)))
         if name not in weather_quantities():
-            names = (TRAFFIC, *weather_quantities(), "fault.lidar.time_offset_ms")
+            names = (TRAFFIC, *weather_quantities(), "fault.lidar.time_offset_ms", "rig.lidar.rate_hz")
             raise ConfigError(unknown_name("quantity to sweep", name, names))
         base = changed_weather(self.weather)
         same = base.to_mapping().get(name) == value
@@ -85,7 +91,7 @@ class Axis:
     """Values of a quantity."""
 
     name: str
-    """``traffic``, a quantity of the weather, or ``fault.SENSOR.NAME``."""
+    """``traffic``, a quantity of the weather, ``fault.SENSOR.NAME``, or ``rig.SENSOR.FIELD``."""
     values: tuple[float, ...]
     """Values, rising."""
     is_log: bool = False
@@ -221,9 +227,8 @@ def sequences_of_points(
         drive: seed if (seed := config.drives.options.seed) is not None else open_episode(drive).header.seed
         for drive in config.drives.episodes
     }
-    sensors = rig_of(config.drives.options).sensors
     for setting in {point.setting: None for point in points}:
-        setting.faults.check(sensors)
+        setting.faults.check(_rig(config, setting).sensors)
     groups: dict[Path, _Group] = {}
     keys = []
     for point in points:
@@ -231,7 +236,8 @@ def sequences_of_points(
         setting = point.setting
         if setting.factor > 1.0:
             setting = replace(setting, traffic="dynamic")
-        words = ("weather" * setting.lidar_weather, setting.faults.calibration.slug)
+        numbers = (f"{name}={value:.6g}" for name, value in setting.rig)
+        words = ("weather" * setting.lidar_weather, setting.faults.calibration.slug, *numbers)
         seed = first[point.drive] + point.number
         out = config.out / DRIVES / episode.stem / "_".join(filter(None, (f"seed{seed}", *words)))
         group = groups.setdefault(out, _Group(episode, out, seed, setting))
@@ -255,13 +261,26 @@ def _episode(config: SweepConfig, point: Point, seed: int, report: Callable[[str
     return path
 
 
+def _rig(config: SweepConfig, setting: Setting) -> SensorRig:
+    rig = rig_of(config.drives.options)
+    for path, value in setting.rig:
+        rig = rig.with_value(path, value)
+    return rig
+
+
 def _described(config: SweepConfig, group: _Group) -> dict[Setting, BenchmarkSequence]:
     drives, settings = config.drives, list(group.settings)
+    rig = config.drives.options.rig
+    if group.setting.rig:
+        group.out.parent.mkdir(parents=True, exist_ok=True)
+        rig = group.out.with_name(f"{group.out.name}.yaml")
+        with atomic_write(rig) as part:
+            part.write_text(_rig(config, group.setting).to_yaml(), encoding="utf-8")
     options = replace(
         drives.options, weathers=tuple(dict.fromkeys(setting.weather for setting in settings)),
         traffic=tuple(dict.fromkeys(setting.traffic for setting in settings)),
         lidar_weather=group.setting.lidar_weather, faults=group.setting.faults.calibration, seed=group.seed,
-        workers=1,
+        workers=1, rig=str(rig),
     )  # fmt: skip
     replayed = ReplayConfig(
         **{option.name: getattr(options, option.name) for option in fields(ReplayOptions)},

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from shared_fixtures.drives.straight_drives import RIG
 
+from carlaloc_env.rigs.rig import SensorRig
 from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.run import run_benchmark
 from recorder.cli.main import main
@@ -108,3 +109,45 @@ def test_an_offset_of_stamps_is_an_error_of_speed_times_offset(
     assert main(command(moving, place, "--seeds", "1")) == 0
     again = json.loads(capsys.readouterr().out)
     assert (again["reused"], again["instants"]) == (4, 0)
+
+
+def test_a_number_of_the_rig_acts_as_in_a_rig_of_its_own(
+    moving: Path, place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = command(moving, place, "--seeds", "1")
+    words[words.index("--over") + 1] = "rig.lidar.rate_hz=10,20"
+    words[words.index("--out") + 1] = str(tmp_path / "out")
+    assert main(words) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    # Half a second has five sweeps at 10 Hz, ten at 20 Hz.
+    assert (found["runs"], found["frames"]) == (4, 15)
+    rig = SensorRig.load(place / "rig.yaml").with_value("lidar.rate_hz", 10.0)
+    (tmp_path / "slow.yaml").write_text(rig.to_yaml())
+    options = ReplayOptions(rig=str(tmp_path / "slow.yaml"))
+    data = DriveConfig(
+        episodes=(moving,),
+        options=options,
+        start_s=6.0,
+        duration_s=0.5,
+        map=moving.with_name("straight.xodr"),
+    )
+    methods = (f"{place}/digest.py",)
+    plain = run_benchmark(
+        BenchmarkConfig(data=data, out=tmp_path / "plain", methods=methods, clouds=("raw",))
+    )
+    wanted = (tmp_path / "plain" / plain.jobs[0].folder / ESTIMATE).read_bytes()
+    assert wanted in [path.read_bytes() for path in (tmp_path / "out").rglob(ESTIMATE)]
+
+
+def test_numbers_that_the_rig_lacks_are_refused(
+    moving: Path, place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for over, words in {
+        "rig.lidr.rate_hz=10,20": "lidr",
+        "rig.lidar.rate=10,20": "rate",
+        "rig.lidar.rate_hz=-5,20": "rate_hz",
+    }.items():
+        line = command(moving, place)
+        line[line.index("--over") + 1] = over
+        assert main(line) != 0
+        assert words in capsys.readouterr().err

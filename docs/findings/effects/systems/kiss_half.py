@@ -1,0 +1,15 @@
+"""KISS-ICP on every second ring."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+from kiss_variant import FrameClock, Poses, SlamSequence, configuration, poses, system
+
+SYSTEM = system("kiss_half", "KISS-ICP, every second ring")
+
+
+def run(sequence: SlamSequence, clock: FrameClock) -> Poses:
+    """Poses of the LiDAR."""
+    config = configuration()
+    return poses(sequence, clock, config, every_ring=2)
