@@ -27,6 +27,7 @@ _NAMES = {
     "ring": ("ring", "line", "channel"),
     "intensity": ("intensity", "intensities", "reflectivity"),
     "label": ("label",),
+    "doppler": ("velocity", "doppler", "radial_velocity"),
 }
 """Names of fields in lower case by their role, the likeliest first."""
 _TIME = re.compile(
@@ -65,6 +66,8 @@ class Cloud:
     """Names of all fields."""
     frame_id: str = ""
     """Frame in the header, without a leading ``/``."""
+    doppler_mps: NDArray[np.float64] | None = None
+    """Rates of the ranges [m/s], receding positive, shape (N,)."""
 
 
 def read_cloud(reader: AnyReader, connection: Connection, raw: bytes, time_field: str | None = None) -> Cloud:
@@ -257,6 +260,7 @@ def _cloud(
             ring=ring,
             intensity=rows[roles["intensity"]].astype(np.float64) if "intensity" in roles else None,
             tag=_tag(rows[roles["label"]]) if "label" in roles else None,
+            doppler_mps=rows[roles["doppler"]].astype(np.float64) if "doppler" in roles else None,
             fields=fields,
             frame_id=frame_id.lstrip("/"),
         )

@@ -43,6 +43,8 @@ class Scan:
     """Intensity, shape (N,)."""
     tag: NDArray[np.uint8] | None = None
     """Semantic tag of each point, where the cloud is labelled, shape (N,)."""
+    doppler_mps: NDArray[np.float64] | None = None
+    """Rate of each range [m/s], receding positive, where the LiDAR measures it, shape (N,)."""
 
     @property
     def deskew_time_s(self) -> NDArray[np.float64]:
@@ -63,6 +65,7 @@ class Scan:
             ring=part(self.ring),
             intensity=part(self.intensity),
             tag=part(self.tag),
+            doppler_mps=part(self.doppler_mps),
         )
 
 
@@ -168,6 +171,7 @@ def _scan(cloud: Cloud, rule: TimeRule, where: str) -> Scan:
         ring=cloud.ring,
         intensity=cloud.intensity,
         tag=cloud.tag,
+        doppler_mps=cloud.doppler_mps,
     )
     timed = np.isfinite(time_s)
     return scan if timed.all() else scan.take(timed)

@@ -225,4 +225,5 @@ def scan_of(clouds: Sequence[PointCloud]) -> Scan:
         ring=cloud.ring.astype(np.int64),
         intensity=cloud.intensity.astype(np.float64),
         tag=cloud.tag,
+        doppler_mps=None if cloud.doppler_mps is None else cloud.doppler_mps.astype(np.float64),
     )

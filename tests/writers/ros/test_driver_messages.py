@@ -234,7 +234,7 @@ def test_messages_are_the_drivers(layout: str, ros: int, tmp_path: Path) -> None
 @pytest.mark.parametrize("ros", [1, 2])
 @pytest.mark.parametrize("layout", DRIVERS)
 def test_our_reader_finds_the_times(layout: str, ros: int, tmp_path: Path) -> None:
-    """`carlaloc odometry` reads every layout: its unit and its zero follow from the first clouds."""
+    """`carlaloc odometry` reads every layout: unit and zero of times follow from the first clouds."""
     config = lidar(layout)
     clouds = [sweep(config, k * config.sweep_ns)[0] for k in range(3)]
     with AnyReader([written(tmp_path, ros, [config], *clouds)]) as reader:
@@ -245,6 +245,9 @@ def test_our_reader_finds_the_times(layout: str, ros: int, tmp_path: Path) -> No
         first_ns, time_s = rule.read(one)
         at_ns = np.sort(first_ns - EPOCH_NS + 1e9 * time_s)
         assert np.abs(at_ns - cloud.stamp_ns - cloud.offset_ns).max() < 1e3
+        assert (one.doppler_mps is None) == (cloud.doppler_mps is None)
+        if one.doppler_mps is not None and cloud.doppler_mps is not None:
+            np.testing.assert_array_equal(np.sort(one.doppler_mps), np.sort(cloud.doppler_mps))
 
 
 def test_rows_and_columns() -> None:
