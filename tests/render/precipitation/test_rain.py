@@ -270,3 +270,24 @@ def test_drops_on_the_lens_follow_from_seed_camera_and_time() -> None:
         assert not np.array_equal(seen(), other)
     dry = with_lens_drops(picture, PRESETS["ClearNoon"], stamp_ns=0, seed=1, camera="left")
     np.testing.assert_array_equal(dry, picture)
+
+
+def test_a_flake_on_the_lens_melts_where_it_fell() -> None:
+    """It shows four fifths of the sky's mean at first, ever less of it within three seconds."""
+    picture = np.full((360, 640, 3), 40, np.uint8)
+    picture[:180] = 200
+    one = replace(PRESETS["SnowyNoon"], snowfall=1.0 / 12.0)
+    melted = 0
+    for seed in range(12):
+        places = []
+        for second in (0.0, 1.0, 2.0):
+            seen = with_lens_drops(picture, one, stamp_ns=round(second * 1e9), seed=seed, camera="left")
+            ground = seen[200:, :, 0].astype(float)
+            brightest = np.unravel_index(ground.argmax(), ground.shape)
+            if ground.max() > 60 and 30 < brightest[0] < 130:
+                assert ground.max() == pytest.approx(40 + 0.8 * 160 * (1 - second / 3), rel=0.06)
+                places.append(brightest)
+        assert len(places) in (0, 3)
+        melted += bool(places)
+        assert np.abs(np.ptp(np.array(places or [[0, 0]]), axis=0)).max() <= 1
+    assert melted >= 3
