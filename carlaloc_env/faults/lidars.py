@@ -1,4 +1,4 @@
-"""Faults of LiDARs: dead and biased beams, lost points, other LiDARs' pulses, dirt on the window."""
+"""Faults of LiDARs: dead and biased beams, lost points, other LiDARs' pulses, dirt, a mount that sways."""
 
 import math
 from dataclasses import dataclass, replace
@@ -16,6 +16,8 @@ _ROBO3D = "Kong et al. (Robo3D), ICCV 2023"
 GHOST_MIN_M = 1.0
 """Least range of a pulse of another LiDAR [m]."""
 _BEAMS_MAX = 1024
+SWAY_HZ, _SWAY_WIDTH, _SWAY_PARTS = 13.0, 0.1, 8
+"""Resonance of a rack of sensors [Hz], half of its width over it, and the sines that make it up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +42,10 @@ class LidarFaults(MountedFaults):
     blocked_deg: float = fault(
         "deg", "width of a sector without points, dirt on the window at a drawn azimuth", worst=350.0,
         low=0.0, high=360.0,
+    )  # fmt: skip
+    sway_deg: float = fault(
+        "deg", "root mean square of a roll of the mount about its x axis at 13 Hz, which the truth lacks",
+        worst=2.0, low=0.0, source="NavLab 11's rack: resonance of 13 Hz, CMU",
     )  # fmt: skip
 
     def apply(self, sample: Sample, draws: Draws) -> Sample:
@@ -70,6 +76,8 @@ class LidarFaults(MountedFaults):
             ghosts = _at_range(xyz, GHOST_MIN_M + uniform("crosstalk", 1) * beyond_m)
             xyz = np.where(ghost[:, None], ghosts, xyz)
             tag = None if tag is None else np.where(ghost, np.uint8(0), tag)
+        if self.sway_deg:
+            xyz = _rolled(xyz, _sway(cloud, draws) * math.radians(-self.sway_deg))
         arrays = ("intensity", "ring", "offset_ns", "instance", "cos_incidence", "doppler_mps")
         some = {name: value[kept] for name in arrays if (value := getattr(cloud, name)) is not None}
         return replace(cloud, points_xyz_m=xyz[kept], tag=None if tag is None else tag[kept], **some)
@@ -100,6 +108,24 @@ def _at_range(xyz: NDArray[np.float32], range_m: Array) -> NDArray[np.float32]:
     scale: Array = np.maximum(range_m, 0.0) / np.maximum(_range_m(xyz), 1e-9)
     moved: NDArray[np.float32] = (xyz * scale[:, None]).astype(np.float32)
     return moved
+
+
+def _sway(cloud: PointCloud, draws: Draws) -> Array:
+    """Sway at the time of each point, of a root mean square of 1: sines about the resonance, shape (N,)."""
+    draw = draws.at("sway").random((2, _SWAY_PARTS))
+    share = (np.arange(_SWAY_PARTS) + draw[0]) / _SWAY_PARTS
+    hz = SWAY_HZ * (1.0 + _SWAY_WIDTH * (2.0 * share - 1.0))
+    time_s = 1e-9 * (cloud.stamp_ns + cloud.offset_ns.astype(np.float64))
+    phases = 2.0 * math.pi * (time_s[:, None] * hz + draw[1])
+    sway: Array = math.sqrt(2.0 / _SWAY_PARTS) * elementary.sin(phases).sum(axis=1)
+    return sway
+
+
+def _rolled(xyz: NDArray[np.float32], roll_rad: Array) -> NDArray[np.float32]:
+    """Points turned about the x axis."""
+    x, y, z = xyz.T.astype(np.float64)
+    c, s = elementary.cos(roll_rad), elementary.sin(roll_rad)
+    return np.stack([x, c * y - s * z, s * y + c * z], axis=-1).astype(np.float32)
 
 
 def _is_blocked(cloud: PointCloud, width_rad: float, draws: Draws) -> NDArray[np.bool_]:

@@ -77,6 +77,23 @@ def test_an_offset_and_a_drift_move_stamps_by_exactly_that() -> None:
     assert moved == replace(sweep, stamp_ns=42_500_000)
 
 
+def test_a_mount_sways_at_its_resonance_by_its_root_mean_square() -> None:
+    """Each point is turned by the sway at its own time; ranges and the x axis stay."""
+    rolls, times_s = [], []
+    for k in range(6000):
+        sweep = cloud(7 * MS * k, count=32)
+        moved = faulty(sweep, sway_deg=0.3)
+        np.testing.assert_array_equal(moved.points_xyz_m[:, 0], sweep.points_xyz_m[:, 0])
+        before, after = (np.arctan2(c.points_xyz_m[:, 2], c.points_xyz_m[:, 1]) for c in (sweep, moved))
+        rolls.append((np.degrees(after - before) + 180) % 360 - 180)
+        times_s.append(1e-9 * (sweep.stamp_ns + sweep.offset_ns.astype(float)))
+    roll_deg, time_s = np.concatenate(rolls), np.concatenate(times_s)
+    assert np.sqrt(np.mean(roll_deg**2)) == pytest.approx(0.3, rel=0.05)
+    hz = np.arange(1.0, 30.0, 0.1)
+    power = np.abs(np.exp(-2j * np.pi * hz[:, None] * time_s) @ roll_deg) ** 2
+    assert (power[np.abs(hz - 13.0) <= 1.5].sum() / power.sum()) > 0.9
+
+
 def test_jitter_is_normal_and_keeps_the_order() -> None:
     late = stamps(time_jitter_ms=0.5) - np.arange(4000) * 5.0
     assert abs(late.mean()) < 4 * 0.5 / math.sqrt(4000)
