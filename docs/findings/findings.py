@@ -25,7 +25,6 @@ from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from recorder.benchmark.cells import CONDITION, cells, ratios
 from recorder.benchmark.score import Score
 from recorder.benchmark.tables import (
-    cost_table,
     counted,
     error_table,
     failure_table,
@@ -37,8 +36,8 @@ from recorder.benchmark.tables import (
 from recorder.slam.systems import SYSTEMS
 
 HERE = Path(__file__).resolve().parent
-PAGE, FIGURES, PICTURE = "findings.md", "findings/figures.md", "pictures/findings.png"
-"""Written files, below the folder of docs: answers, all figures, and ratios of each town."""
+PAGE, FIGURES, PICTURE = "findings.md", "findings/figures", "pictures/findings.png"
+"""Below the folder of docs: the page of answers, the folder of all figures, and ratios of each town."""
 LIDAR_METHODS = "kiss_icp,small_gicp,genz_icp,rko_lio"
 CAMERA_METHODS = "stereo_vo"
 """ORB-SLAM3 needs a separate Python and a vocabulary: name it in --camera-methods."""
@@ -125,46 +124,39 @@ def _order(what: str) -> tuple[int, str]:
     return (0 if what.startswith("dynamic") else 1 if what.startswith("seg") else 2), what
 
 
-def findings_text(runs: pd.DataFrame) -> str:
-    """All figures as Markdown, without paths of the machine that found them."""
+def figure_tables(runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """All figures by name of their file, without paths of the machine that found them."""
     # To lack labels or a bag is no failure of a system.
     runs = runs[~runs["failed"].fillna("").str.contains("; replay ", regex=False)]
     runs = runs.assign(failed=runs["failed"].str.replace(_PATH, r"\1", regex=True))
-    paper = paper_runs()
-    parts: list[str] = []
-    for what, table in findings_tables(runs):
-        parts += [f"### APE {what}", "", markdown_table(table), ""]
-    for name, visual in (("visual", True), ("LiDAR", False)):
-        ours, theirs = (part[part["visual"] == visual] for part in (runs, paper))
+    tables: dict[str, pd.DataFrame] = {}
+    if compared := findings_tables(runs):
+        tables["ratios"] = pd.concat(dict(compared), names=["compared", None]).reset_index(level=0)
+    for name, visual in (("errors_visual", True), ("errors_lidar", False)):
+        ours = runs[runs["visual"] == visual]
         if len(ours):
-            table = error_table(ours, by_weather=visual)
-            parts += [f"### APE of {name} systems [m], RMSE", "", markdown_table(table), ""]
-            parts += ["The paper's:", "", markdown_table(error_table(theirs, by_weather=visual)), ""]
-    for title, table in (("Cost of the runs", cost_table(runs)), ("Failed runs", failure_table(runs))):
-        if len(table):
-            parts += [f"### {title}", "", markdown_table(table), ""]
-    return "\n".join(parts)
+            tables[name] = error_table(ours, by_weather=visual).replace(r"\*\*", "", regex=True)
+    return tables | {"failures": failure_table(runs)}
 
 
 def write_findings(runs: pd.DataFrame, docs: Path) -> None:
-    """Put answers and figures into their pages, in the place of older ones, and draw the picture.
+    """Put answers into their page in the place of older ones, write the figures, and draw the picture.
 
     Raises:
-        EvaluationError: a page has no place for them, or cannot be written.
+        EvaluationError: the page has no place for answers, or a file cannot be written.
     """
-    _put(docs / PAGE, markdown_table(answers_table(runs)))
-    _put(docs / FIGURES, findings_text(runs))
-    draw_ratios(runs, docs / PICTURE)
-
-
-def _put(page: Path, made: str) -> None:
+    page, figures = docs / PAGE, docs / FIGURES
     try:
-        text = page.read_text(encoding="utf-8")
-        before, rest = text.split(BEGIN)
+        before, rest = page.read_text(encoding="utf-8").split(BEGIN)
         after = rest.split(END)[1]
+        made = markdown_table(answers_table(runs))
         page.write_text(f"{before}{BEGIN}\n\n{made}\n{END}{after}", encoding="utf-8")
+        figures.mkdir(exist_ok=True)
+        for name, table in figure_tables(runs).items():
+            table.to_csv(figures / f"{name}.csv", index=False, lineterminator="\n")
     except (OSError, ValueError, IndexError) as error:
         raise EvaluationError(f"{page} cannot be written or lacks the line {BEGIN} or {END}") from error
+    draw_ratios(runs, docs / PICTURE)
 
 
 def main() -> None:

@@ -131,20 +131,21 @@ def test_figures_take_the_place_of_older_ones(tmp_path: Path) -> None:
         files[-1].write_text(csv_text(frame_of(part)))
     runs = findings.read_results(files)
     assert csv_text(runs) == csv_text(frame_of(four_towns(spread_m=0.1)))
-    answers, page = tmp_path / findings.PAGE, tmp_path / findings.FIGURES
-    page.parent.mkdir()
-    for one in (answers, page):
-        one.write_text(f"by hand\n{findings.BEGIN}\nolder\n{findings.END}\nby hand, too\n")
+    (tmp_path / "findings").mkdir()
+    page, figures = tmp_path / findings.PAGE, tmp_path / findings.FIGURES
+    page.write_text(f"by hand\n{findings.BEGIN}\nolder\n{findings.END}\nby hand, too\n")
     findings.write_findings(runs, tmp_path)
     once = page.read_text()
     findings.write_findings(runs, tmp_path)
     assert page.read_text() == once
     assert (tmp_path / findings.PICTURE).read_bytes().startswith(b"\x89PNG")
-    assert "| Movers hurt LiDAR odometry | ×1.58 | KISS-ICP | ×1.50 | reproduced |  |" in answers.read_text()
+    assert "| Movers hurt LiDAR odometry | ×1.58 | KISS-ICP | ×1.50 | reproduced |  |" in once
     assert once.startswith("by hand\n")
     assert once.endswith("\nby hand, too\n")
     assert "older" not in once
-    assert "| LiDAR | KISS-ICP | here | ×1.50 | ×1.50–×1.50 | 4 of 4 | larger |" in once
+    ratios_written = (figures / "ratios.csv").read_text()
+    assert "dynamic / static,LiDAR,KISS-ICP,here,×1.50,×1.50–×1.50,4 of 4,larger\n" in ratios_written
+    assert (figures / "errors_lidar.csv").read_text().startswith("town,traffic,KISS-ICP\n")
 
 
 def test_what_is_no_table_of_results_is_refused(tmp_path: Path) -> None:
@@ -157,8 +158,9 @@ def test_what_lacked_its_input_is_no_failure_and_no_path_is_written() -> None:
     good = score("Town01", "dynamic", 1.25, cloud="seg")
     lacking = replace(good, run=2, failed="/home/me/x.bag has clouds without labels; replay with --topics a")
     lost = replace(good, town="Town03", failed="crashed by SIGSEGV: /home/me/log.txt")
-    text = findings.findings_text(frame_of([good, lacking, lost]))
-    assert "| Town01 | seg(d) | 1.25 |" in text
+    tables = findings.figure_tables(frame_of([good, lacking, lost]))
+    text = "".join(table.to_csv(index=False) for table in tables.values())
+    assert "Town01,seg(d),1.25\n" in text
     assert "crashed by SIGSEGV: log.txt" in text
     assert "labels" not in text
     assert "/home" not in text
@@ -179,4 +181,6 @@ def test_the_pages_hold_what_the_kept_results_give() -> None:
     (command,) = re.findall(r"`python docs/findings/findings\.py((?: docs/findings/\w+)+)`", page)
     runs = findings.read_results([docs.parent / folder / "results.csv" for folder in command.split()])
     assert findings.markdown_table(findings.answers_table(runs)) in page
-    assert findings.findings_text(runs) in (docs / findings.FIGURES).read_text(encoding="utf-8")
+    for name, table in findings.figure_tables(runs).items():
+        kept = (docs / findings.FIGURES / f"{name}.csv").read_text(encoding="utf-8")
+        assert kept == table.to_csv(index=False, lineterminator="\n"), name
