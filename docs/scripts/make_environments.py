@@ -14,7 +14,7 @@ from carlaloc_env.envs.task.birds_eye_view import (
     VEHICLE,
     WALKER,
 )
-from carlaloc_env.envs.task.state_vector import AHEAD, EGO, NEIGHBOUR, NEIGHBOURS, ROUTE, ROUTE_AHEAD_M, Entry
+from carlaloc_env.envs.task.state_vector import AHEAD, EGO, NEIGHBOUR, NEIGHBOURS, ROUTE, ROUTE_AHEAD_M
 from carlaloc_env.envs.task.task_config import TaskConfig
 
 PAGE = Path(__file__).parents[1] / "environments.md"
@@ -41,19 +41,15 @@ def state_lines() -> list[str]:
     first = 0
     rows = ["| entries | name | over | meaning |", "|---|---|---|---|"]
     far = ", ".join(f"{away:g}" for away in ROUTE_AHEAD_M)
-    blocks: tuple[tuple[tuple[Entry, ...], int, str], ...] = (
-        (EGO, 1, ""),
-        (ROUTE, len(ROUTE_AHEAD_M), f"of the route at {far} m"),
-        (AHEAD, 1, ""),
-        (NEIGHBOUR, NEIGHBOURS, f"of the {NEIGHBOURS} nearest others"),
-    )
-    for block, times, of in blocks:
+    blocks = ((EGO, 1), (ROUTE, len(ROUTE_AHEAD_M)), (AHEAD, 1), (NEIGHBOUR, NEIGHBOURS))
+    for block, times in blocks:
         for number, entry in enumerate(block):
             place = f"{first + number}" + (f", +{len(block)}, …" if times > 1 else "")
             over = f"{entry.scale:g} {entry.unit}".strip()
-            rows.append(f"| {place} | `{entry.name}` | {over} | {entry.meaning}{', ' + of if of else ''} |")
+            rows.append(f"| {place} | `{entry.name}` | {over} | {entry.meaning} |")
         first += len(block) * times
-    return rows
+    ahead = f"Entries +{len(ROUTE)} repeat at points of the route ({far} m ahead)"
+    return [*rows, "", f"{ahead}, entries +{len(NEIGHBOUR)} for the {NEIGHBOURS} nearest others."]
 
 
 def bird_lines() -> list[str]:
