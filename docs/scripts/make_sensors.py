@@ -3,6 +3,7 @@
 import ast
 import dataclasses
 import inspect
+import re
 import textwrap
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +18,7 @@ from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.rigs.memory import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
 from carlaloc_env.rigs.presets import RIGS
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig
-from carlaloc_env.sensors.lidar_config import LidarConfig, ReceiverConfig
+from carlaloc_env.sensors.lidar_config import ReceiverConfig
 from carlaloc_env.sensors.limits import LIMITS, RATE, SENSORS_MAX
 from carlaloc_env.sensors.raw_gnss.config import RangeErrors, RawConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
@@ -29,10 +30,10 @@ HEAD = """\
 `docs/scripts/make_sensors.py` writes this page from the docstrings; change those, not this page.
 
 A rig is a list of the configurations below, in Python (`carlaloc_env.SensorRig`) or in YAML
-([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
-divides 200. [Conventions](conventions.md) has frames, units and signs, [topics](topics.md) the messages, and
-[LiDARs](lidars.md) those that have a name. In YAML, `preset: name` takes the values of a variant; the file's
-own values override them.
+([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a [`mount`](#mount) and a `rate_hz` that
+divides 200. In YAML, `preset: name` takes the values of a variant; the file's own values override them.
+[Conventions](conventions.md) has frames, units and signs, [topics](topics.md) the messages, and
+[LiDARs](lidars.md) those that have a name. Sources of figures are in the docstrings of the named files.
 
 ## Rigs
 
@@ -44,30 +45,24 @@ own values override them.
 REAL = """
 The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, use `real`. Its
 [cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288, a colour
-filter, exposure control, motion blur and a wide-angle lens. At rest by day, 31 % of a picture's values repeat
-in the next picture; with the ideal camera, 72 % do. Its LiDAR has the [receiver](#receiverconfig) of an
+filter, exposure control, motion blur and a wide-angle lens. Its LiDAR has the [receiver](#receiverconfig) of an
 HDL-32E: dark and far surfaces are lost, edges mix, and lasers have errors that no calibration names. One
 return in six is of the own car. Settings of systems leave out returns within 3 m.
 
 ## Surfaces
 
-Four properties of the world concern all rigs:
-
-* **Reflectance varies within metres.** The pattern is a function of the world's coordinates
-  ([`scene/mottle.py`](../carlaloc_env/scene/mottle.py)). Within 1.5 m of asphalt the intensities of a LiDAR
-  deviate by 9 to 15 %, where those of a real HDL-32E do by 13 %. Pictures have a third to two thirds of it.
-* **LiDAR beams get into foliage** by Beer and Lambert's law, with a mean path of 0.4 m
-  ([`raycast/foliage.py`](../carlaloc_env/raycast/foliage.py)). A depth picture has the outside of a crown. A
-  LiDAR's point lies up to 1.2 m behind it, and never outside the crown or behind something solid. All other
-  surfaces agree.
+* **Reflectance varies within metres**, as a function of the world's coordinates
+  ([`scene/mottle.py`](../carlaloc_env/scene/mottle.py)).
+* **LiDAR beams get into foliage** by Beer and Lambert's law
+  ([`raycast/foliage.py`](../carlaloc_env/raycast/foliage.py)): a point lies up to 1.2 m behind the outside of a crown,
+  which a depth picture shows. All other surfaces agree.
 * **Snow** is light alone in pictures; LiDARs see it by choice ([winter](winter.md)).
 * **The sun** has a disc and an aureole (Buie et al. 2003), which saturate pictures that look there.
 """
-PARTS = (
-    *(Mount(), Pinhole(), ReceiverConfig(), RawConfig(), RangeErrors()),
-    *(LidarConfig.presets[name]["pattern"] for name in ("avia", "mid360")),
-)
-"""Configurations that others hold: by default, patterns of the Avia and the Mid-360."""
+PARTS = (Mount(), Pinhole(), ReceiverConfig(), RawConfig(), RangeErrors())
+"""Configurations that others hold."""
+COMMON = ("name", "mount")
+"""Parameters of all sensors."""
 
 
 def page() -> str:
@@ -88,9 +83,10 @@ def _limits() -> str:
     """Table of all limits."""
     rows = [("every sensor", "rate_hz", RATE)]
     rows += [(kind, name, limit) for kind, table in LIMITS.items() for name, limit in table.items()]
-    lines = [
-        f"| {kind} | `{name}` | {limit.low:g} | {limit.high:g} {limit.unit} |" for kind, name, limit in rows
-    ]
+    of: dict[str, list[str]] = {}
+    for kind, name, limit in rows:
+        of.setdefault(kind, []).append(f"`{name}` {limit.low:g}–{limit.high:g} {limit.unit}".rstrip())
+    lines = [f"* {kind}: {', '.join(limits)}." for kind, limits in of.items()]
     return "\n".join(
         [
             "## Limits\n",
@@ -99,8 +95,6 @@ def _limits() -> str:
             "A replay or environment does not begin if its sensors need more memory than is free: about",
             f"{PIXEL_BYTES['medium']} bytes per pixel ({PIXEL_BYTES['high']} in quality `high`), "
             f"{EVENT_PIXEL_BYTES} more with events, {RAY_BYTES} per ray.\n",
-            "| sensor | parameter | smallest | largest |",
-            "|---|---|---|---|",
             *lines,
             "",
         ]
@@ -148,10 +142,8 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
         [
             f"### {kind}\n\n{_doc(cls)}",
             f"\n**Method.** {_method(sensor)}\n",
-            f"**Inputs.** {_inputs(sensor)}\n",
-            "**Outputs.**\n",
             f"Source: [`{source}`](../{source}); frame `{config.frame_id}`, axes `{config.mount.axes}`; "
-            f"in YAML `kind: {kind}`.\n",
+            f"in YAML `kind: {kind}`. It {_weather(sensor)}.\n",
             "| stream | dtype | shape |",
             "|---|---|---|",
             *streams,
@@ -176,35 +168,20 @@ def _shares_its_module(sensor: Any) -> bool:
     return len([name for name, found in classes if found.__module__ == type(sensor).__module__]) > 1
 
 
-def _inputs(sensor: Any) -> str:
-    """Inputs that a sensor reads from its world, found in the source of its module and parts."""
-    module = Path(inspect.getfile(type(sensor)))
-    is_folder = module.stem == module.parent.name
-    parts = module.parent.glob("*.py" if is_folder else f"{module.stem}*.py")
-    source = "".join(path.read_text(encoding="utf-8") for path in parts)
-    if _shares_its_module(sensor):
-        source = inspect.getsource(type(sensor))
-    asked = (
-        ("the ego's motion", "ego_motion(", "Snapshot.of("),
-        ("wheels and pedals", "timeline.car", "Snapshot.of("),
-        ("boxes of all actors", "boxes_at("),
-        ("rays against town and actors", ".rays()"),
-        ("pictures of town and actors", ".renderer()"),
-        ("the weather", ".weather"),
-        ("the map's geo-reference", "world.geo"),
-        ("the seed", "seed"),
+def _weather(sensor: Any) -> str:
+    return (
+        "depends on the weather" if sensor.depends_on_weather else "is the same in every weather by default"
     )
-    found = [name for name, *signs in asked if any(sign in source for sign in signs)]
-    feels = "depends on the weather" if sensor.depends_on_weather else "the same in every weather by default"
-    return f"{', '.join(found)}; {feels}."
 
 
 def _presets(cls: type[SensorConfig]) -> str:
-    """The variants of a kind and what they change."""
+    """The variants of a kind and what they change; those with a driver's layout are on the page of LiDARs."""
     if not cls.presets:
         return ""
     rows = []
     for name, values in cls.presets.items():
+        if "layout" in values:
+            continue
         text = ", ".join(f"`{key}` {_value(value)}" for key, value in values.items())
         rows.append(f"| `{name}` | {text or 'defaults'} |")
     return "\n".join(["**Presets.**\n", "| preset | values |", "|---|---|", *rows, ""])
@@ -212,8 +189,8 @@ def _presets(cls: type[SensorConfig]) -> str:
 
 def _sample(cls: type[samples.Sample]) -> str:
     common = () if cls is samples.Sample else field_docs(samples.Sample)
-    rows = [f"| `{name}` | {doc} |" for name, doc in field_docs(cls).items() if name not in common]
-    return "\n".join([f"### {cls.__name__}\n\n{_doc(cls)}\n", "| field | meaning |", "|---|---|", *rows, ""])
+    rows = [f"* `{name}`: {doc}" for name, doc in field_docs(cls).items() if name not in common]
+    return "\n".join([f"### {cls.__name__}\n\n{_doc(cls)}\n", *rows, ""])
 
 
 def _parameters(config: Any) -> str:
@@ -224,7 +201,12 @@ def _parameters(config: Any) -> str:
     }
     plain = {**to_mapping(config), **large}
     docs = field_docs(type(config)).items()
-    rows = [f"| `{name}` | {_value(plain[name])} | {doc} |" for name, doc in docs]
+    # The first sentence: others name sources.
+    rows = [
+        f"| `{name}` | {_value(plain[name])} | {re.split(r'(?<=[.]) (?=[A-Z0-9])', doc)[0]} |"
+        for name, doc in docs
+        if name not in COMMON
+    ]
     return "\n".join(["| parameter | default | meaning |", "|---|---|---|", *rows, ""])
 
 
