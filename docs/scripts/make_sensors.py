@@ -30,8 +30,8 @@ HEAD = """\
 `docs/scripts/make_sensors.py` writes this page from the docstrings; change those, not this page.
 
 A rig is a list of the configurations below, in Python (`carlaloc_env.SensorRig`) or in YAML
-([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a [`mount`](#mount) and a `rate_hz` that
-divides 200. In YAML, `preset: name` takes the values of a variant; the file's own values override them.
+([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a [`mount`](#mount) and a `rate_hz`
+that divides 200. In YAML, `preset: name` takes the values of a variant; the file's own values override them.
 [Conventions](conventions.md) has frames, units and signs, [topics](topics.md) the messages, and
 [LiDARs](lidars.md) those that have a name. Sources of figures are in the docstrings of the named files.
 
@@ -45,8 +45,8 @@ divides 200. In YAML, `preset: name` takes the values of a variant; the file's o
 REAL = """
 The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, use `real`. Its
 [cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288, a colour
-filter, exposure control, motion blur and a wide-angle lens. Its LiDAR has the [receiver](#receiverconfig) of an
-HDL-32E: dark and far surfaces are lost, edges mix, and lasers have errors that no calibration names. One
+filter, exposure control, motion blur and a wide-angle lens. Its LiDAR has the [receiver](#receiverconfig) of
+an HDL-32E: dark and far surfaces are lost, edges mix, and lasers have errors that no calibration names. One
 return in six is of the own car. Settings of systems leave out returns within 3 m.
 
 ## Surfaces
@@ -54,8 +54,8 @@ return in six is of the own car. Settings of systems leave out returns within 3 
 * **Reflectance varies within metres**, as a function of the world's coordinates
   ([`scene/mottle.py`](../carlaloc_env/scene/mottle.py)).
 * **LiDAR beams get into foliage** by Beer and Lambert's law
-  ([`raycast/foliage.py`](../carlaloc_env/raycast/foliage.py)): a point lies up to 1.2 m behind the outside of a crown,
-  which a depth picture shows. All other surfaces agree.
+  ([`raycast/foliage.py`](../carlaloc_env/raycast/foliage.py)): a point lies up to 1.2 m behind the outside of a
+  crown, which a depth picture shows. All other surfaces agree.
 * **Snow** is light alone in pictures; LiDARs see it by choice ([winter](winter.md)).
 * **The sun** has a disc and an aureole (Buie et al. 2003), which saturate pictures that look there.
 """
@@ -86,7 +86,7 @@ def _limits() -> str:
     of: dict[str, list[str]] = {}
     for kind, name, limit in rows:
         of.setdefault(kind, []).append(f"`{name}` {limit.low:g}–{limit.high:g} {limit.unit}".rstrip())
-    lines = [f"* {kind}: {', '.join(limits)}." for kind, limits in of.items()]
+    lines = [f"| {kind} | {', '.join(limits)} |" for kind, limits in of.items()]
     return "\n".join(
         [
             "## Limits\n",
@@ -95,6 +95,8 @@ def _limits() -> str:
             "A replay or environment does not begin if its sensors need more memory than is free: about",
             f"{PIXEL_BYTES['medium']} bytes per pixel ({PIXEL_BYTES['high']} in quality `high`), "
             f"{EVENT_PIXEL_BYTES} more with events, {RAY_BYTES} per ray.\n",
+            "| sensor | from smallest to largest |",
+            "|---|---|",
             *lines,
             "",
         ]
