@@ -53,9 +53,9 @@ return in six is of the own car. Settings of systems leave out returns within 3 
 
 * **Reflectance varies within metres**, as a function of the world's coordinates
   ([`scene/mottle.py`](../carlaloc_env/scene/mottle.py)).
-* **LiDAR beams get into foliage** by Beer and Lambert's law
-  ([`raycast/foliage.py`](../carlaloc_env/raycast/foliage.py)): a point lies up to 1.2 m behind the outside of a
-  crown, which a depth picture shows. All other surfaces agree.
+* **Beams get into foliage** by Beer and Lambert's law
+  ([`raycast/foliage.py`](../carlaloc_env/raycast/foliage.py)): a point lies up to 1.2 m behind the outside
+  of a crown, which a depth picture shows. All other surfaces agree.
 * **Snow** is light alone in pictures; LiDARs see it by choice ([winter](winter.md)).
 * **The sun** has a disc and an aureole (Buie et al. 2003), which saturate pictures that look there.
 """
