@@ -1,10 +1,10 @@
-"""Write the page of curves, breaking points, consistency of covariances and closed-loop driving.
+"""Make tables of curves, breaking points, consistency of covariances and closed-loop driving.
 
 python docs/robustness/robustness.py EPISODES WORK   runs what is not done yet, keeps its tables, then writes
 python docs/robustness/robustness.py                 only writes, from the tables beside this file
 
 EPISODES has the standard drives, WORK gets all that commands write. Every step that is done is left alone by
-the next start. Lines between markers of docs/findings/robustness.md are written here, people write the rest.
+the next start. The table of breaking points and the picture of docs/findings/robustness.md are written here.
 """
 
 import argparse
@@ -20,33 +20,12 @@ from recorder.benchmark.tables import markdown_table
 
 HERE = Path(__file__).resolve().parent
 PAGE, PICTURE = HERE.parent / "findings" / "robustness.md", HERE.parent / "pictures" / "robustness.png"
-BEGIN, END = "<!-- {0}: made by docs/robustness/robustness.py -->", "<!-- end of {0} -->"
+BEGIN = "<!-- breaking points: made by docs/robustness/robustness.py -->"
+END = "<!-- end of breaking points -->"
 METHODS = "small_gicp,kiss_icp,genz_icp,rko_lio"
 STRETCHES = {"Town06": "5", "Town10": "20"}
 """Towns, and where their stretch of ten seconds begins [s]."""
 QUANTITIES = ("fog_visibility_m=20:500:log5", "traffic=0:2:3", "fault.lidar.time_offset_ms=0:100:3")
-SHOWN = {
-    "consistency": (
-        "robustness/consistency_town06.csv",
-        {"method": "system", "error": "error", "pose_factor": "variances too small by",
-         "pose_coverage_95": "within 95 %"},
-    ),
-    "closed loop": (
-        "robustness/closed_loop_town06.csv",
-        {"source": "pose from", "traffic": "traffic", "lateral_rms_m": "lateral RMS [m]",
-         "outside_s": "out of the lane [s]", "pose_error_rms_m": "pose error [m]", "ape_m": "APE [m]"},
-    ),
-    "ghosts": (
-        "findings/map_ghosts/results.csv",
-        {"town": "town", "cloud": "drive", "poses": "poses", "ghost_rate": "ghost rate",
-         "accuracy_m": "accuracy [m]"},
-    ),
-    "places": (
-        "findings/places/results.csv",
-        {"method": "method", "query_weather": "query", "recall_at_1": "recall@1", "recall_at_5": "recall@5"},
-    ),
-}  # fmt: skip
-"""Kept tables that the page shows: file below docs, columns and their titles."""
 
 
 def commands(episodes: Path) -> dict[str, tuple[str, list[str]]]:
@@ -103,36 +82,6 @@ def run_missing(episodes: Path, work: Path) -> None:
                 shutil.copy(out / table, HERE / name)
 
 
-def curve_tables() -> str:
-    """APE of each system at the ends of each axis, and its success over the axis."""
-    rows = []
-    for town in STRETCHES:
-        file = HERE / f"curves_{town}.csv"
-        if file.exists():
-            for (axis, series), curve in pd.read_csv(file).groupby(["axis", "series"], sort=False):
-                curve = curve.sort_values("value")
-                cells = {f"{row.value:g}": _cell(row) for row in curve.itertuples()}
-                rows.append({"town": town, "quantity": axis, "system": series, "cells": cells})
-    parts = []
-    for axis in dict.fromkeys(row["quantity"] for row in rows):
-        table = pd.DataFrame(
-            [
-                {"town": row["town"], "system": row["system"], **row["cells"]}
-                for row in rows
-                if row["quantity"] == axis
-            ]
-        )
-        parts += [f"APE [m] over `{axis}`, means of the runs that did not fail:", ""]
-        parts += [_markdown(table), ""]
-    return "\n".join(parts).rstrip()
-
-
-def _cell(row: object) -> str:
-    failed, runs, ape_m = row.failed, row.runs, row.ape_m  # type: ignore[attr-defined]
-    word = "fails" if failed == runs else f"{ape_m:.2f}"
-    return word if failed in (0, runs) else f"{word} ({failed} of {runs} fail)"
-
-
 def break_table() -> str:
     """The mildest failure of each system that was searched."""
     rows = []
@@ -150,31 +99,17 @@ def break_table() -> str:
     return _markdown(pd.DataFrame(rows)) if rows else "No system has been searched in a town yet."
 
 
-def kept_table(name: str) -> str:
-    """The columns of a kept table that the page shows."""
-    file, columns = SHOWN[name]
-    table = pd.read_csv(HERE.parent / file)
-    return _markdown(table[list(columns)].rename(columns=columns))
-
-
 def _markdown(table: pd.DataFrame) -> str:
     words = table.map(lambda one: one if isinstance(one, str) else "–" if pd.isna(one) else f"{one:.3g}")
     return markdown_table(words)
 
 
 def write_page() -> None:
-    """Write tables between the markers of the page, and its picture."""
+    """Write the table of breaking points between the markers of the page, and its picture."""
     files = {town: HERE / f"curves_{town}.csv" for town in STRETCHES}
     draw_curves({town: pd.read_csv(file) for town, file in files.items() if file.exists()}, PICTURE)
-    text = PAGE.read_text(encoding="utf-8")
-    made_of = {"curves": curve_tables(), "breaking points": break_table()}
-    made_of |= {name: kept_table(name) for name in SHOWN}
-    for name, made in made_of.items():
-        begin, end = BEGIN.format(name), END.format(name)
-        before, _, rest = text.partition(begin)
-        after = rest.partition(end)[2]
-        text = f"{before}{begin}\n\n{made}\n{end}{after}"
-    PAGE.write_text(text, encoding="utf-8")
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    PAGE.write_text(f"{before}{BEGIN}\n\n{break_table()}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
 
 
 def main(argv: list[str]) -> int:

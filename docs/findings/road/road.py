@@ -24,8 +24,8 @@ from carlaloc_env.core.errors import EvaluationError
 from recorder.benchmark.tables import markdown_table
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parent / "road.md"
-BEGIN, END = "<!-- {}: made by docs/findings/road/road.py -->", "<!-- end of {} -->"
+PAGE, RANKINGS = HERE.parent / "road.md", HERE / "rankings.csv"
+BEGIN, END = "<!-- drifts: made by docs/findings/road/road.py -->", "<!-- end of drifts -->"
 DRAWS, SEED, SYSTEMS_MIN = 2000, 1, 3
 OURS_OF = {"kitti_percent": "kitti_percent", "ape_m": "ape_percent"}
 """Our column for each metric of `published.csv`; our APE is a share of the route, since lengths differ."""
@@ -178,11 +178,11 @@ def _interval(draws: NDArray[np.float64]) -> str:
     return f"{low:.2f} to {high:.2f}"
 
 
-def tables() -> dict[str, str]:
-    """Text of each table of the page, from the files beside this script."""
+def tables() -> tuple[str, str]:
+    """Text of the page's table of drifts and of the file of rankings, from the files beside this script."""
     published, ours = (pd.read_csv(HERE / name) for name in ("published.csv", "ours.csv"))
-    made = {"drifts": drift_table, "rankings": tau_table}
-    return {name: markdown_table(make(published, ours)) for name, make in made.items()}
+    rankings = tau_table(published, ours).to_csv(index=False, lineterminator="\n")
+    return markdown_table(drift_table(published, ours)), rankings
 
 
 def main(words: list[str]) -> int:
@@ -195,13 +195,10 @@ def main(words: list[str]) -> int:
     except EvaluationError as error:
         print(f"road: {error}", file=sys.stderr)
         return 1
-    text = PAGE.read_text(encoding="utf-8")
-    for name, made in tables().items():
-        before, _, rest = text.partition(BEGIN.format(name))
-        text = (
-            f"{before}{BEGIN.format(name)}\n\n{made}\n{END.format(name)}{rest.partition(END.format(name))[2]}"
-        )
-    PAGE.write_text(text, encoding="utf-8")
+    drifts, rankings = tables()
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    PAGE.write_text(f"{before}{BEGIN}\n\n{drifts}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    RANKINGS.write_text(rankings, encoding="utf-8")
     return 0
 
 
