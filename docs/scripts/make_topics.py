@@ -34,9 +34,11 @@ HEAD = """\
 `docs/scripts/make_topics.py` writes this page from `recorder/writers/topics.py`; change that file, not this
 page.
 
-`carlaloc replay … --topics PROFILE` chooses one of the profiles below, shown for the rig `paper`.
-Topics of other rigs have the same pattern: a camera named `rear` writes `/camera/rear/image_raw`, a LiDAR
-named `roof` writes `/roof/points`. [Conventions](conventions.md) has the frames.
+`carlaloc replay … --topics PROFILE` chooses one of the profiles below: `standard`, `slam`, `paper`,
+`paper_seg`, `full`, `compact` or `compact_full`. The table is for the rig `paper`, without its right camera
+and its radars `left` and `right`. Topics of other sensors have the same pattern: a camera named `rear` writes
+`/camera/rear/image_raw`, a LiDAR named `roof` writes `/roof/points`. [Conventions](conventions.md) has the
+frames.
 """
 TAIL = """\
 ## Messages in detail
@@ -59,9 +61,8 @@ TAIL = """\
 * `camera_info`: `plumb_bob` with five zeros; R is the identity, P = [K 0].
 * `imu`: covariances are those of the white noise in one message, the density squared times the rate; the
   densities are those of the calibration files. An IMU without an attitude has `orientation_covariance[0]` =
-  −1, as the message's definition wants. The topic is `/imu/data`, the one of [REP
-  145](https://ros.org/reps/rep-0145.html) and of the SLAM systems' configurations. `/imu/data_raw` is what
-  the filters of imu_tools read: start them with `imu/data_raw:=/imu/data`.
+  −1. The topic is that of [REP 145](https://ros.org/reps/rep-0145.html); start the filters of imu_tools with
+  `imu/data_raw:=/imu/data`.
 * `wheel_joints` (rig `flu`, `/wheels/joint_states`): sensor_msgs/JointState, angles of whole ticks [rad]
   and spins [rad/s] of `wheel_front_left`, `wheel_front_right`, `wheel_rear_left`, `wheel_rear_right`.
 * `odometry`: header frame `map`, child frame `base_link`; the twist is in the child frame.
@@ -99,6 +100,8 @@ TAIL = """\
 * Sensors with a `layout` have their driver's message beside these, in the profiles `standard`, `full` and
   `slam`: [LiDARs](lidars.md#messages-of-drivers).
 """
+ALIKE = ("/camera/right/", "/radar/left/", "/radar/right/")
+"""Topics of sensors like others."""
 _KINDS: tuple[tuple[str, type[Sample]], ...] = (
     ("rgb_", Image),
     ("depth_", DepthImage),
@@ -150,21 +153,17 @@ def rows_of(profile: TopicProfile) -> list[tuple[str, str, str, str, float]]:
 
 
 def _table() -> str:
-    """All topics, with a mark for each profile that holds them."""
-    profiles = list(PROFILES.values())
-    holders: dict[str, list[TopicProfile]] = {}
-    for profile in profiles:
+    """All topics with the profiles that hold them."""
+    holders: dict[str, list[str]] = {}
+    for profile in PROFILES.values():
         for topic, message, frame, stream, rate_hz in rows_of(profile):
             row = f"| `{topic}` | {message} | `{frame}` | `{stream}` | {rate_hz:g} |"
-            holders.setdefault(row, []).append(profile)
+            if not topic.startswith(ALIKE):
+                holders.setdefault(row, []).append(profile.name)
     row = "| `/tf_static` | tf2_msgs/TFMessage | `base_link` | – | once |"
-    holders[row] = [profile for profile in profiles if profile.tf_static]
-    names = " | ".join(f"`{profile.name}`" for profile in profiles)
-    head = [f"| topic | message | frame | stream | Hz | {names} |", "|---" * (5 + len(profiles)) + "|"]
-    rows = [
-        f"{row} {' | '.join('●' if profile in held else '' for profile in profiles)} |"
-        for row, held in sorted(holders.items())
-    ]
+    holders[row] = [profile.name for profile in PROFILES.values() if profile.tf_static]
+    head = ["| topic | message | frame | stream | Hz | profiles |", "|---|---|---|---|---|---|"]
+    rows = [f"{row} {', '.join(names)} |" for row, names in sorted(holders.items())]
     return "\n".join(["## Profiles\n", *head, *rows, ""])
 
 
