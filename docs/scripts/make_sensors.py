@@ -205,11 +205,13 @@ def _parameters(config: Any) -> str:
     docs = field_docs(type(config)).items()
     # The first sentence: others name sources.
     rows = [
-        f"| `{name}` {_value(plain[name])} | {re.split(r'(?<=[.]) (?=[A-Z0-9])', doc)[0]} |"
+        f"* `{name}: {_value(plain[name])}`: {re.split(r'(?<=[.]) (?=[A-Z0-9])', doc)[0]}"
+        if not dataclasses.is_dataclass(plain[name])
+        else f"* `{name}`, {_value(plain[name])}: {doc}"
         for name, doc in docs
         if name not in COMMON
     ]
-    return "\n".join(["| parameter and default | meaning |", "|---|---|", *rows, ""])
+    return "\n".join([*rows, ""])
 
 
 def _value(value: Any) -> str:

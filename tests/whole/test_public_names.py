@@ -16,12 +16,12 @@ ROOT = Path(__file__).parents[2]
 
 
 def listed() -> list[tuple[str, str]]:
-    """Package and name of every row of docs/api.md."""
+    """Package and name of every item of docs/api.md."""
     package, rows = "", []
     for line in (ROOT / "docs" / "api.md").read_text(encoding="utf-8").splitlines():
         if heading := re.fullmatch(r"## (\w+)", line):
             package = heading[1]
-        elif row := re.match(r"\| (`\w+`(?:, `\w+`)*) \|", line):
+        elif row := re.match(r"\* (`\w+`(?:, `\w+`)*): ", line):
             rows += [(package, name) for name in re.findall(r"\w+", row[1])]
     return rows
 
