@@ -32,7 +32,7 @@ CLOUDS: tuple[tuple[str, str], ...] = (
 
 def table() -> str:
     """All faults as Markdown, those of any sensor first."""
-    lines = ["| sensor | name | unit | neutral | definition | source |", "|---|---|---|---|---|---|"]
+    lines = ["| sensor | name | unit | neutral | definition |", "|---|---|---|---|---|"]
     seen: set[str] = set()
     for kind, cls in (("any", TimingFaults), *KINDS.items()):
         for name, known in quantities(cls).items():
@@ -41,7 +41,8 @@ def table() -> str:
                 continue
             seen.add(name)
             neutral = "∞" if math.isinf(known.neutral) else f"{known.neutral:g}"
-            cells = (shown, f"`{name}`", known.unit, neutral, known.definition, known.source or "–")
+            definition = f"{known.definition} ({known.source})" if known.source else known.definition
+            cells = (shown, f"`{name}`", known.unit, neutral, definition)
             lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 

@@ -135,7 +135,7 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
     world: Any = SimpleNamespace(seed=0, geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0))
     sensor = config.build(world)
     streams = [
-        f"| `{name}` | {space.dtype} | {_shape(space, name in sensor.padded_streams)} |"
+        f"* `{name}`: {space.dtype}, {_shape(space, name in sensor.padded_streams)}"
         for name, space in sensor.streams().items()
         if isinstance(space, spaces.Box)
     ]
@@ -146,8 +146,6 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
             f"\n**Method.** {_method(sensor)}\n",
             f"Source: [`{source}`](../{source}); frame `{config.frame_id}`, axes `{config.mount.axes}`; "
             f"in YAML `kind: {kind}`. It {_weather(sensor)}.\n",
-            "| stream | dtype | shape |",
-            "|---|---|---|",
             *streams,
             f"\nValues: {_doc(type(sensor).streams)}\n",
             _presets(cls),

@@ -61,13 +61,35 @@ def test_generated_pages_are_up_to_date(name: str) -> None:
     assert module.PAGE.read_text(encoding="utf-8") == module.page(), f"run `python docs/scripts/{name}.py`"
 
 
+def anchors_of(page: Path) -> set[str]:
+    """Anchors of a page's titles, as GitHub makes them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    found: dict[str, int] = {}
+    for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE):
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", title)
+        slug = re.sub(r"[^\w\- ]", "", plain).strip().lower().replace(" ", "-")
+        found[slug] = found.get(slug, 0) + 1
+    return {slug + (f"-{k}" if k else "") for slug, times in found.items() for k in range(times)}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
-    """Every relative link and picture is a file of the repository."""
+    """Every relative link and picture is a file of the repository, and every anchor a title of its page."""
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    for target in re.findall(r"\]\(([^)#]+)", text):
-        if not target.startswith("http"):
-            assert (page.parent / target).exists(), target
+    for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", text):
+        if not target.startswith(("http", "mailto:")):
+            file = page.parent / target if target else page
+            assert file.exists(), target
+            assert not anchor or anchor in anchors_of(file), f"{target}#{anchor}"
+
+
+WORDS_MAX = 50_000
+
+
+def test_pages_stay_short() -> None:
+    """All words of the pages, as CONTRIBUTING counts them."""
+    words = sum(len(page.read_text(encoding="utf-8").split()) for page in PAGES)
+    assert words <= WORDS_MAX, f"{words} words: cut history, and results that another page has"
 
 
 def test_the_tour_answers_ten_questions_by_names_that_exist() -> None:
