@@ -69,11 +69,9 @@ TAIL = """\
 * `acceleration`: geometry_msgs/AccelStamped of `base_link` in its own axes, gravity not included.
 * `objects`: derived_object_msgs/ObjectArray, the type of CARLA's ROS bridge; boxes (`shape`), attitude,
   velocity in world axes, class, for every actor, seen or not. `object_table`: the same as a
-  sensor_msgs/PointCloud with a point per actor and a channel per column, which needs no further message
-  package. Programs that read the only PointCloud2 of a bag find the LiDAR beside it. It adds two columns:
-  `visible` (share not hidden behind other objects, seen from the LiDAR, NaN beyond 120 m) and the semantic
-  tag. The `id` of both is the `id` of `points_labelled` and `radar_points`, and the value of pixels in
-  `image_instances`.
+  sensor_msgs/PointCloud with a point per actor and a channel per column. It adds `visible` (share not hidden
+  behind other objects, NaN beyond 120 m) and the semantic tag. The `id` of both is that of `points_labelled`,
+  `radar_points` and `image_instances`.
 * `/tf_static` is latched and holds one transform from `base_link` to each sensor.
 
 ## Poses and the clock
