@@ -32,19 +32,21 @@ CLOUDS: tuple[tuple[str, str], ...] = (
 
 def table() -> str:
     """All faults as Markdown, those of any sensor first."""
-    lines = ["| sensor | name | unit | neutral | definition |", "|---|---|---|---|---|"]
+    found: dict[str, list[str]] = {}
     seen: set[str] = set()
-    for kind, cls in (("any", TimingFaults), *KINDS.items()):
+    for kind, cls in (("any sensor", TimingFaults), *KINDS.items()):
         for name, known in quantities(cls).items():
             shown = "lidar, camera, gnss, radar" if kind == "lidar" and name.startswith("calib_") else kind
             if name in seen:
                 continue
             seen.add(name)
             neutral = "∞" if math.isinf(known.neutral) else f"{known.neutral:g}"
-            definition = f"{known.definition} ({known.source})" if known.source else known.definition
-            cells = (shown, f"`{name}`", known.unit, neutral, definition)
-            lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+            source = f" ({known.source})" if known.source else ""
+            found.setdefault(shown, []).append(
+                f"* `{name}` [{known.unit}], {neutral}: {known.definition}{source}"
+            )
+    lines = [f"**{kind}**\n\n" + "\n".join(faults) for kind, faults in found.items()]
+    return "Name [unit], neutral value, definition and source:\n\n" + "\n\n".join(lines)
 
 
 def page() -> str:

@@ -39,8 +39,6 @@ that divides 200. In YAML, `preset: name` takes the values of a variant; the fil
 
 `paper` is the default of `gymnasium.make` and `carlaloc replay`.
 
-| rig | sensors |
-|---|---|
 """
 REAL = """
 The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, use `real`. Its
@@ -67,7 +65,7 @@ COMMON = ("name", "mount")
 
 def page() -> str:
     """Text of the page."""
-    rigs = (f"| `{name}` | {_doc(maker)} |" for name, maker in RIGS.items())
+    rigs = (f"* `{name}`: {_doc(maker)}" for name, maker in RIGS.items())
     parts = [HEAD + "\n".join(rigs), REAL, "## Kinds of sensors\n"]
     own = {kind: cls for kind, cls in SENSOR_KINDS.items() if cls.__module__.startswith("carlaloc_env.")}
     parts += [_sensor(kind, config) for kind, config in own.items()]
