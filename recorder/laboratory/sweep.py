@@ -273,14 +273,15 @@ def _described(config: SweepConfig, group: _Group) -> dict[Setting, BenchmarkSeq
     rig = config.drives.options.rig
     if group.setting.rig:
         group.out.parent.mkdir(parents=True, exist_ok=True)
-        rig = group.out.with_name(f"{group.out.name}.yaml")
-        with atomic_write(rig) as part:
+        file = group.out.with_name(f"{group.out.name}.yaml")
+        with atomic_write(file) as part:
             part.write_text(_rig(config, group.setting).to_yaml(), encoding="utf-8")
+        rig = str(file)
     options = replace(
         drives.options, weathers=tuple(dict.fromkeys(setting.weather for setting in settings)),
         traffic=tuple(dict.fromkeys(setting.traffic for setting in settings)),
         lidar_weather=group.setting.lidar_weather, faults=group.setting.faults.calibration, seed=group.seed,
-        workers=1, rig=str(rig),
+        workers=1, rig=rig,
     )  # fmt: skip
     replayed = ReplayConfig(
         **{option.name: getattr(options, option.name) for option in fields(ReplayOptions)},

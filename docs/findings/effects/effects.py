@@ -127,8 +127,8 @@ def main(passes: list[str]) -> None:
     runs: list[Run] = []
     if kept.exists():
         for row in csv.DictReader(kept.open(encoding="utf-8")):
-            errors = {key: float(row.pop(key)) for key in ("drift_percent", "ape_m")}
-            runs.append(Run(**row, **errors))
+            drift, ape_m = float(row.pop("drift_percent")), float(row.pop("ape_m"))
+            runs.append(Run(**row, drift_percent=drift, ape_m=ape_m))
     for word in passes:
         name, _, folder = word.partition("=")
         runs = [run for run in runs if run.of != name] + list(runs_of(name, Path(folder)))

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from kiss_variant import FrameClock, Poses, SlamSequence, configuration, poses, system
+from kiss_variant import Poses, configuration, poses, system
+
+from recorder import FrameClock, SlamSequence
 
 SYSTEM = system("kiss_40m_doppler", "KISS-ICP, 40 m, velocities")
 PERIOD_S, ROUNDS, AGREES_MPS = 0.1, 10, 0.1

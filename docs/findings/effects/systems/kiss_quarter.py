@@ -4,7 +4,9 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-from kiss_variant import FrameClock, Poses, SlamSequence, configuration, poses, system
+from kiss_variant import Poses, configuration, poses, system
+
+from recorder import FrameClock, SlamSequence
 
 SYSTEM = system("kiss_quarter", "KISS-ICP, every fourth ring")
 

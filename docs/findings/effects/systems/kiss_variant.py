@@ -42,7 +42,9 @@ def poses(
     """Poses of the LiDAR by some of the rings; `guess` may set the motion expected since the last sweep."""
     odometry = KissICP(config)
     for scan in sequence.scans():
-        kept = scan.take(scan.ring % every_ring == 0) if every_ring > 1 else scan
+        kept = scan
+        if every_ring > 1 and scan.ring is not None:
+            kept = scan.take(np.asarray(scan.ring % every_ring == 0))
         with clock.frame():
             guess(odometry, kept)
             odometry.register_frame(kept.points_xyz_m, kept.deskew_time_s)
