@@ -16,7 +16,7 @@ PERIOD_S, ROUNDS, AGREES_MPS = 0.1, 10, 0.1
 
 
 def expect(odometry: Any, scan: Any) -> None:
-    """Move as far as points at rest say, whose rates are −u·v; turn as between the last two sweeps."""
+    """Move by the velocity of points at rest, whose rates are −u·v; turn as between the last two sweeps."""
     near = np.linalg.norm(scan.points_xyz_m, axis=1)
     used = near < 40.0
     along, rates = scan.points_xyz_m[used] / near[used, None], scan.doppler_mps[used]
