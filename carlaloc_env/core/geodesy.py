@@ -1,5 +1,6 @@
 """WGS84: local east-north-up metres to latitude, longitude, height, and back."""
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -39,7 +40,7 @@ class GeoReference:
 
     def enu_to_geodetic(self, position_m: ArrayLike) -> Array:
         """Latitude [deg], longitude [deg], height [m] (..., 3) of world points [m] (..., 3)."""
-        return ecef_to_geodetic(transforms.apply(self._T_ecef_enu(), position_m))
+        return ecef_to_geodetic(transforms.apply(_axes_at(self), position_m))
 
     def geodetic_to_enu(self, geodetic: ArrayLike) -> Array:
         """World points [m] (..., 3) of latitude [deg], longitude [deg], height [m] (..., 3)."""
@@ -47,7 +48,7 @@ class GeoReference:
 
     def ecef_to_enu(self, ecef_m: ArrayLike) -> Array:
         """World points [m] (..., 3) of Earth-centred points [m] (..., 3)."""
-        T = self._T_ecef_enu()
+        T = _axes_at(self)
         rotation = transforms.from_rotation(T[:3, :3].T)
         return transforms.apply(rotation, np.asarray(ecef_m, dtype=np.float64) - T[:3, 3])
 
@@ -55,12 +56,16 @@ class GeoReference:
         """Covariance [m²] (3, 3) about true east, north, up of one about world axes."""
         return covariance_m2
 
-    def _T_ecef_enu(self) -> Array:
-        lat, lon = np.radians(self.latitude_deg), np.radians(self.longitude_deg)
-        sl, cl, so, co = elementary.sin(lat), elementary.cos(lat), elementary.sin(lon), elementary.cos(lon)
-        axes = np.array([[-so, -sl * co, cl * co], [co, -sl * so, cl * so], [0.0, cl, sl]])
-        origin = geodetic_to_ecef([self.latitude_deg, self.longitude_deg, self.height_m])
-        return transforms.from_rotation(axes, origin)
+
+@functools.lru_cache(maxsize=8)
+def _axes_at(place: GeoReference) -> Array:
+    """Pose of the axes east, north, up at a place, Earth-centred, shape (4, 4)."""
+    lat, lon = np.radians(place.latitude_deg), np.radians(place.longitude_deg)
+    sl, cl, so, co = elementary.sin(lat), elementary.cos(lat), elementary.sin(lon), elementary.cos(lon)
+    axes = np.array([[-so, -sl * co, cl * co], [co, -sl * so, cl * so], [0.0, cl, sl]])
+    return transforms.from_rotation(
+        axes, geodetic_to_ecef([place.latitude_deg, place.longitude_deg, place.height_m])
+    )
 
 
 def geodetic_to_ecef(geodetic: ArrayLike) -> Array:
@@ -83,18 +88,12 @@ def ecef_to_geodetic(ecef_m: ArrayLike) -> Array:
 
     Bowring's parametric-latitude iteration; three rounds reach rounding error below 10 km height.
     """
-    x, y, z = np.moveaxis(np.asarray(ecef_m, dtype=np.float64), -1, 0)
-    b = WGS84_A_M * (1.0 - WGS84_F)
-    p = np.hypot(x, y)
-    beta = elementary.arctan2(z * WGS84_A_M, p * b)
-    ep2 = _E2 / (1.0 - _E2)
-    lat = beta
-    for _ in range(3):
-        lat = elementary.arctan2(
-            z + ep2 * b * elementary.sin(beta) * elementary.sin(beta) ** 2,
-            p - _E2 * WGS84_A_M * elementary.cos(beta) * elementary.cos(beta) ** 2,
-        )
-        beta = elementary.arctan2((1.0 - WGS84_F) * elementary.sin(lat), elementary.cos(lat))
-    n = WGS84_A_M / np.sqrt(1.0 - _E2 * elementary.sin(lat) ** 2)
-    height = p * elementary.cos(lat) + z * elementary.sin(lat) - n * (1.0 - _E2 * elementary.sin(lat) ** 2)
-    return np.stack([np.degrees(lat), np.degrees(elementary.arctan2(y, x)), height], axis=-1)
+    # Here, since numba takes half a second to import, and rigs and maps are read without it.
+    from carlaloc_env.core.geodesy_kernels import to_geodetic
+
+    points = np.asarray(ecef_m, dtype=np.float64)
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    rows = np.stack([np.hypot(x, y), y, x, z], axis=-1).reshape(-1, 4)
+    to_geodetic(rows, WGS84_A_M, WGS84_F)
+    rows[:, :2] = np.degrees(rows[:, :2])
+    return rows[:, :3].reshape(points.shape)

@@ -97,8 +97,12 @@ class RayScene:
             self._trace_actors(hits, rays, stamps_ns, timeline, range_max_m)
         return hits
 
-    def surfaces(self, origin_m: Array, directions: Array, range_max_m: float) -> tuple[Hits, F32]:
-        """First hits on the town alone of N rays from one place, and the unit normals of what they met.
+    def cast_town(self, origins_m: Array, directions: Array, range_max_m: float) -> Hits:
+        """First hits on the town alone of N rays, given as in `cast`."""
+        return self._static.trace(_packed(origins_m - self.middle_m, directions), range_max_m)
+
+    def surfaces(self, origin_m: Array, directions: Array, range_max_m: float) -> tuple[Hits, Array]:
+        """First surfaces of the town alone on N rays from one place, and the unit normals of these.
 
         Args:
             origin_m: Where the rays start [m], world, shape (3,).
@@ -106,7 +110,7 @@ class RayScene:
             range_max_m: Hits beyond this distance are dropped [m].
         """
         rays = _packed(np.broadcast_to(origin_m - self.middle_m, directions.shape), directions)
-        return self._static.trace(rays, range_max_m), self._static.normals(rays)
+        return self._static.facing(rays, range_max_m)
 
     def cast_ego(
         self, origins_m: Array, directions: Array, range_max_m: float, carried: Mesh | None = None

@@ -17,6 +17,7 @@ from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.errors import RaycastError
 from carlaloc_env.core.files.shared_arrays import in_shared_memory, read_only
 from carlaloc_env.core.jit import compiled
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.raycast.foliage import GAP_M, leaf_depths
 from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.scene.materials import Material
@@ -111,11 +112,19 @@ class Surface:
                 return
 
     def _outsides(self, rays: F32, range_max_m: float) -> Hits:
-        hits = Hits.none(len(rays))
+        return self._hits(self._first(rays), rays, range_max_m)
+
+    def _first(self, rays: F32) -> NDArray[np.uint32]:
+        """The triangle that each ray meets first, a number beyond all where there is none, shape (N,)."""
         if self._scene is None or len(rays) == 0:
-            return hits
+            return np.full(len(rays), 0xFFFFFFFF, np.uint32)
+        first: NDArray[np.uint32] = self._scene.cast_rays(self._tensor(rays))["primitive_ids"].numpy()
+        return first
+
+    def _hits(self, triangle: NDArray[np.uint32], rays: F32, range_max_m: float) -> Hits:
+        hits = Hits.none(len(rays))
         _read(
-            self._scene.cast_rays(self._tensor(rays))["primitive_ids"].numpy(),
+            triangle,
             self._corners,
             rays,
             np.float32(range_max_m),
@@ -125,12 +134,15 @@ class Surface:
         )
         return hits
 
-    def normals(self, rays: F32) -> F32:
-        """Unit normals of the triangles that rays meet first, zeros where there is none, shape (N, 3)."""
-        if self._scene is None or len(rays) == 0:
-            return np.zeros((len(rays), 3), np.float32)
-        unit_normals: F32 = self._scene.cast_rays(self._tensor(rays))["primitive_normals"].numpy()
-        return unit_normals
+    def facing(self, rays: F32, range_max_m: float) -> tuple[Hits, Array]:
+        """First triangles that rays, shape (N, 6), meet, and their unit normals, zeros for none, (N, 3)."""
+        triangle, normals = self._first(rays), np.zeros((len(rays), 3))
+        corners, vertices_m = self._corners
+        met = np.flatnonzero(triangle < len(corners))
+        a, b, c = vertices_m[corners[triangle[met]]].astype(np.float64).swapaxes(0, 1)
+        across = cross(b - a, c - a)
+        normals[met] = across / np.sqrt(np.sum(across * across, axis=-1))[:, None]
+        return self._hits(triangle, rays, range_max_m), normals
 
 
 @compiled

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.raycast import RayScene
+from carlaloc_env.raycast import Hits, RayScene
 from carlaloc_env.samples.gnss_signals import BLOCKED, REFLECTED
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -26,6 +27,8 @@ _UPRIGHT = 0.05
 """Largest vertical part of the unit normal of a wall."""
 _SAME_M = 0.1
 """Distance of a hit from a wall's plane up to which it is on the wall [m]."""
+_GRAZING = 0.02
+"""Least cosine between a ray and the normal of a wall that reflects it."""
 _LEAF_DB = 6.0
 """Loss in leaves [dB]."""
 ANTENNA_DB = 3.0
@@ -77,7 +80,7 @@ def receive(rays: RayScene, timeline: Timeline, stamp_ns: int, antenna_m: Array,
         to: Unit vectors to the satellites, world, shape (N, 3).
     """
     ways = Reception.open_sky(len(to))
-    clear, ways.loss_db[:] = _clear(rays, timeline, stamp_ns, antenna_m, to)
+    clear, ways.loss_db[:] = _passing(_cast(rays, timeline, stamp_ns, antenna_m, to))
     ways.state[~clear] = BLOCKED
     hidden = np.flatnonzero(~clear)
     if len(hidden):
@@ -85,12 +88,14 @@ def receive(rays: RayScene, timeline: Timeline, stamp_ns: int, antenna_m: Array,
     return ways
 
 
-def _clear(
-    rays: RayScene, timeline: Timeline, stamp_ns: int, from_m: Array, to: Array
-) -> tuple[NDArray[np.bool_], Array]:
-    """Whether nothing but leaves lies on rays, and the leaves' loss [dB]."""
+def _cast(rays: RayScene, timeline: Timeline, stamp_ns: int, from_m: Array, to: Array) -> Hits:
+    """What rays meet, the ego's own body left out."""
     origins = np.broadcast_to(from_m, to.shape)
-    hits = rays.cast(origins, to, np.full(len(to), stamp_ns), timeline, SIGHT_M, ego=False)
+    return rays.cast(origins, to, np.full(len(to), stamp_ns), timeline, SIGHT_M, ego=False)
+
+
+def _passing(hits: Hits) -> tuple[NDArray[np.bool_], Array]:
+    """Whether nothing but leaves lies on rays, and the leaves' loss [dB]."""
     met = np.isfinite(hits.range_m)
     leaves = met & (hits.tag == Tag.VEGETATION)
     return ~met | leaves, np.where(leaves, _LEAF_DB, 0.0)
@@ -111,55 +116,68 @@ def _reflect(
     the wall at distance D is 2·D·(s·n) longer than the straight one.
     """
     normals, distances = _walls(rays, antenna_m)
-    cosine = np.sum(to[hidden, None, :] * normals[None], axis=-1)
-    satellite, wall = np.nonzero(cosine > 0.02)
-    if not len(satellite):
-        return
-    cosine, normal = cosine[satellite, wall], normals[wall]
-    satellite, distance = hidden[satellite], distances[wall]
+    cosines = np.sum(to[hidden, None, :] * normals[None], axis=-1)
+    satellite, wall = np.nonzero(cosines > _GRAZING)
+    cosine, normal = cosines[satellite, wall], normals[wall]
+    along_m, satellite = distances[wall] / cosine, hidden[satellite]
     mirrored = to[satellite] - 2.0 * cosine[:, None] * normal
-    along_m = distance / cosine
-    stamps = np.full(len(satellite), stamp_ns)
-    origins = np.broadcast_to(antenna_m, mirrored.shape)
-    hits = rays.cast(origins, mirrored, stamps, timeline, SIGHT_M, ego=False)
-    on_wall = np.abs(hits.range_m - along_m) * cosine < _SAME_M
-    rows = np.flatnonzero(on_wall & (hits.tag != Tag.VEGETATION))
-    hits, satellite, cosine, normal = hits.take(rows), satellite[rows], cosine[rows], normal[rows]
-    at_m = antenna_m + along_m[rows, None] * mirrored[rows]
-    clear, leaves_db = _clear(rays, timeline, stamp_ns, at_m + 0.02 * normal, to[satellite])
+    # The town alone refuses most; the movers of the two ways of the rest are looked for together.
+    found = rays.cast_town(np.broadcast_to(antenna_m, mirrored.shape), mirrored, SIGHT_M)
+    rows = _on_wall(found, along_m, cosine)
+    if not len(rows):
+        return
+    satellite, cosine, normal, along_m = satellite[rows], cosine[rows], normal[rows], along_m[rows]
+    at_m = antenna_m + along_m[:, None] * mirrored[rows]
+    starts_m = np.concatenate([np.broadcast_to(antenna_m, at_m.shape), at_m + 0.02 * normal])
+    both = _cast(rays, timeline, stamp_ns, starts_m, np.concatenate([mirrored[rows], to[satellite]]))
+    hits = both.take(np.arange(len(rows)))
+    clear, leaves_db = (part[len(rows) :] for part in _passing(both))
     loss = leaves_db + reflection_db(hits.material, cosine)
     # The strongest reflection of each satellite is written last.
-    order = np.flatnonzero(clear)
+    order = _on_wall(hits, along_m, cosine)
+    order = order[clear[order]]
     order = order[np.argsort(-loss[order], kind="stable")]
     chosen = satellite[order]
     ways.state[chosen], ways.loss_db[chosen] = REFLECTED, loss[order]
-    ways.extra_m[chosen] = 2.0 * along_m[rows][order] * cosine[order] * cosine[order]
+    ways.extra_m[chosen] = 2.0 * along_m[order] * cosine[order] * cosine[order]
     ways.normal[chosen], ways.wall_m[chosen] = normal[order], at_m[order]
     ways.wall_tag[chosen] = hits.tag[order]
 
 
+def _on_wall(hits: Hits, along_m: Array, cosine: Array) -> NDArray[np.intp]:
+    """Rows of the rays that end on the planes which they meet after some way at some angle."""
+    near = np.abs(hits.range_m - along_m) * cosine < _SAME_M
+    return np.flatnonzero(near & (hits.tag != Tag.VEGETATION))
+
+
 def _walls(rays: RayScene, antenna_m: Array) -> tuple[Array, Array]:
     """Planes of upright surfaces around: unit normals towards the antenna (K, 3) and distances [m] (K,)."""
-    azimuth = np.arange(_AZIMUTHS) * (2.0 * math.pi / _AZIMUTHS)
-    up = np.repeat(np.radians(_ELEVATIONS_DEG), _AZIMUTHS)
-    azimuth = np.tile(azimuth, len(_ELEVATIONS_DEG))
-    flat = elementary.cos(up)
-    fan = np.stack(
-        [flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), elementary.sin(up)], axis=-1
-    )
+    fan = _fan()
     hits, normals = rays.surfaces(antenna_m, fan, WALLS_M)
     upright = np.abs(normals[:, 2]) < _UPRIGHT
     keep = np.isfinite(hits.range_m) & upright & (hits.tag != Tag.VEGETATION)
-    normal, away = normals[keep].astype(np.float64), hits.range_m[keep, None] * fan[keep]
+    normal, away = normals[keep], hits.range_m[keep, None] * fan[keep]
     normal[:, 2] = 0.0
-    normal /= np.maximum(np.hypot(normal[:, 0], normal[:, 1]), 1e-9)[:, None]
+    normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]
     distance = np.sum(normal * away, axis=-1)
     normal *= -np.sign(distance)[:, None]
     distance = np.abs(distance)
-    cells = np.concatenate([np.rint(normal[:, :2] * 50.0), np.rint(distance[:, None] / 0.5)], axis=1)
-    _, first = np.unique(cells.astype(np.int64), axis=0, return_index=True)
+    # Planes that agree to 1° and half a metre are one.
+    east, north, far = (np.rint(x).astype(np.int64) for x in (*(normal[:, :2] * 50.0).T, distance / 0.5))
+    _, first = np.unique((far * 128 + east) * 128 + north, return_index=True)
     first = np.sort(first)
     return normal[first], distance[first]
+
+
+@functools.cache
+def _fan() -> Array:
+    """Directions of the rays that search for walls, shape (N, 3)."""
+    azimuth = np.tile(np.arange(_AZIMUTHS) * (2.0 * math.pi / _AZIMUTHS), len(_ELEVATIONS_DEG))
+    up = np.repeat(np.radians(_ELEVATIONS_DEG), _AZIMUTHS)
+    flat = elementary.cos(up)
+    return np.stack(
+        [flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), elementary.sin(up)], axis=-1
+    )
 
 
 def reflection_db(material: NDArray[np.uint8], cosine: Array) -> Array:
