@@ -24,6 +24,7 @@ from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.map.sources import known_towns
 from carlaloc_env.render.textures.build import build_textures
+from carlaloc_env.samples.gnss_signals import WAYS
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
 from carlaloc_env.timeline.timeline import Timeline
@@ -37,6 +38,8 @@ from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.report.lane_lines import lane_lines, lane_lines_of
 from recorder.view.sequence_view import COLOURS, TRUTH, every, in_world, jpeg_of
+from recorder.view.sky import COLOURS as COLOURS_OF_WAYS
+from recorder.view.sky import SkyOverTime, read_sky
 
 THREE_VERSION = "0.187.0"
 """Version of three.js in ``page/three.min.js.gz``; .ci/three makes that file."""
@@ -151,7 +154,7 @@ class ScenePage:
         self._meta["paths"].append(
             {
                 "name": name,
-                "colour": "#" + "".join(f"{part:02x}" for part in colour),
+                "colour": _hex(colour),
                 "position": self._part(position_m - self._origin_m + [0.0, 0.0, lift_m], "f4"),
             }
         )
@@ -219,6 +222,19 @@ class ScenePage:
                 "jpeg": self._part(jpeg, "u1"),
             }
 
+    def add_sky(self, sky: SkyOverTime) -> None:
+        """Add satellites over time."""
+        names, of = np.unique(sky.name, return_inverse=True)
+        self._meta["sky"] = {
+            "time": self._times(sky.stamp_ns),
+            "first": self._part(sky.first, "u4"),
+            "name": self._part(of, "u1"),
+            "names": names.tolist(),
+            "place": self._part(sky.place_deg, "f4"),
+            "way": self._part(sky.way, "u1"),
+            "ways": list(zip(WAYS, map(_hex, COLOURS_OF_WAYS), strict=True)),
+        }
+
     def write(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the page.
 
@@ -241,6 +257,11 @@ class ScenePage:
         with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")
         return path
+
+
+def _hex(colour: tuple[int, int, int]) -> str:
+    """A colour as a page names it."""
+    return "#" + "".join(f"{part:02x}" for part in colour)
 
 
 def _near(chunk: Mesh, path_m: Array, radius_m: float) -> Iterator[Mesh]:
@@ -314,7 +335,7 @@ def page_of_sequence(
     """Write a sequence as a page, which opens where the first estimate begins to leave the truth.
 
     Args:
-        sequence: The sequence; clouds and pictures are left out where it has none.
+        sequence: The sequence; clouds, pictures and the sky of raw GNSS are left out where it has none.
         path: New file (.html).
         estimates: Estimates behind their fit, with their errors.
         period_s: Time between two clouds or pictures that are shown [s].
@@ -354,6 +375,9 @@ def page_of_sequence(
     if sequence.rig.of_kind("lidar"):
         page.add_clouds(_clouds(sequence, period_s), _TABLE, period_s)
     page.add_pictures(_pictures(sequence, period_s))
+    sky = read_sky(sequence)
+    if sky is not None:
+        page.add_sky(sky)
     return page.write(path, overwrite=overwrite)
 
 

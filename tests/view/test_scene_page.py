@@ -1,5 +1,6 @@
 """Pages of drives in Chromium: what stands where and when, by mouse and by touch, at two widths, offline."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,18 +8,25 @@ import cv2
 import numpy as np
 import pytest
 from shared_fixtures.processes.browser import SOLID, WIDTHS_PX, Browser
+from shared_fixtures.readings.raw_gnss import config, measured, write
 from shared_fixtures.readings.slam_dataset import list_dataset, rig, write_dataset
+from shared_fixtures.worlds.scenes import Scenery
 
+from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.samples.gnss_signals import BLOCKED, WAYS
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
+from carlaloc_env.sensors.raw_gnss.config import RangeErrors
 from recorder.cli.main import main
+from recorder.dataset.sequence import SlamSequence
 from recorder.episode.episode import Episode
 from recorder.evaluation.trajectory_files import read_tum, write_tum
 from recorder.replaying.options import ReplayConfig
 from recorder.replaying.replay import replay
 from recorder.view.scene_page import JPEG_QUALITY, PICTURE_WIDTH_PX, POINTS_MAX, TOWN_BYTES, ScenePage
 from recorder.view.sequence_view import jpeg_of
+from recorder.view.sky import read_sky
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 LOADED = """new Promise(done => { const note = document.getElementById('note');
@@ -88,6 +96,44 @@ def test_a_sequence_is_shown_over_time(sequence: Path, tmp_path: Path) -> None:
             play = "document.getElementById('play').click(); document.getElementById('play').textContent"
             assert browser.run(play) == "Pause"
         assert browser.errors == []
+
+
+def test_the_sky_is_drawn_at_each_time(sequence: Path, tmp_path: Path) -> None:
+    """Satellites of a street stand at their azimuths and elevations, and are counted by their ways."""
+    pytest.importorskip("open3d", reason="open3d is not installed")
+    scenery = Scenery()
+    street = scenery.world([scenery.box([-400, s * 15 - 5, 0], [900, s * 15 + 5, 25]) for s in (-1, 1)])
+    receiver = config(RangeErrors(), rate_hz=2.0)
+    samples = measured(street, scenery.drive(scenery.straight(8.0), 2.0), receiver, 1.0)
+    root = shutil.copytree(sequence.parents[1], tmp_path / "set")
+    folder = root / "Box" / sequence.name
+    write(folder / "gnss", samples)
+    out = tmp_path / "sky.html"
+    assert main(["view", "--html", str(folder), "--out", str(out)]) == 0
+    marks = """[...document.querySelectorAll('#sky g circle')].map(mark => [mark.nextSibling.textContent,
+        Number(mark.getAttribute('cx')), Number(mark.getAttribute('cy')), mark.getAttribute('fill') == 'none'])"""
+    with Browser(tmp_path / "profile", SOLID) as browser:
+        for width_px in WIDTHS_PX:
+            browser.open(out.as_uri(), width_px)
+            assert browser.run(LOADED) == ""
+            assert browser.too_wide() == []
+            for second, raw in zip((0.2, 0.7), samples["gnss_raw"], strict=True):
+                browser.run(f"page.show({second})")
+                azimuth, away = np.radians(raw.sky_azimuth_deg), 90.0 - raw.sky_elevation_deg
+                place = np.stack([away * np.sin(azimuth), -away * np.cos(azimuth)], axis=-1)
+                drawn = browser.run(marks)
+                assert [mark[0] for mark in drawn] == raw.sky_satellite.tolist()
+                np.testing.assert_allclose([mark[1:3] for mark in drawn], place, atol=0.02)
+                assert [mark[3] for mark in drawn] == (raw.sky_way == BLOCKED).tolist()
+                lines = browser.run("document.getElementById('sky').innerText").split("\n")[-3:]
+                assert [line.split(" ", 1) for line in lines] == [
+                    [str(np.sum(raw.sky_way == way)), name] for way, name in enumerate(WAYS)
+                ]
+                assert len(set(raw.sky_way)) == 3
+        assert browser.errors == []
+    (folder / "gnss" / "gnss_signals.csv").write_text("stamp_ns,satellite\n1,G01\n")
+    with pytest.raises(EvaluationError, match="is no table of signals; replay it anew"):
+        read_sky(SlamSequence(folder))
 
 
 @pytest.mark.long

@@ -136,6 +136,41 @@ function start(buffer) {
   $("picture").hidden = !pictures;
   const image = $("picture").querySelector("img");
 
+  // The sky, north up, the horizon outside: filled marks are received, rings are blocked.
+  const sky = meta.sky && { names: meta.sky.names, ways: meta.sky.ways, shown: -1, counts: [] };
+  const plot = $("sky").querySelector("svg");
+  function mark(kind, attributes, text = "") {
+    const made = document.createElementNS("http://www.w3.org/2000/svg", kind);
+    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+    made.textContent = text;
+    return made;
+  }
+  if (sky) {
+    for (const name of ["time", "first", "name", "place", "way"]) sky[name] = array(meta.sky[name]);
+    for (const r of [30, 60, 90]) plot.append(mark("circle", { r }));
+    for (const [text, x, y] of [["N", 0, -99], ["E", 99, 0], ["S", 0, 99], ["W", -99, 0]]) plot.append(mark("text", { x, y }, text));
+    sky.marks = plot.appendChild(mark("g", {}));
+    for (const [name, colour] of sky.ways) {
+      const row = document.createElement("div");
+      row.style.color = colour;
+      sky.counts.push(row);
+      $("sky").append(row);
+    }
+    $("sky").hidden = false;
+  }
+  function showSky(row) {
+    sky.shown = row;
+    const count = sky.ways.map(() => 0), marks = [];
+    for (let k = sky.first[row]; k < sky.first[row + 1]; k++) {
+      const way = sky.way[k], colour = sky.ways[way][1], turn = sky.place[2 * k] * Math.PI / 180, r = 90 - sky.place[2 * k + 1];
+      const x = r * Math.sin(turn), y = -r * Math.cos(turn), name = sky.names[sky.name[k]];
+      count[way]++;
+      marks.push(mark("circle", { cx: x, cy: y, r: 4, stroke: colour, fill: way < 2 ? colour : "none" }), mark("text", { x, y: y + 9 }, name));
+    }
+    sky.marks.replaceChildren(...marks);
+    sky.counts.forEach((line, way) => { line.textContent = `${count[way]} ${sky.ways[way][0]}`; });
+  }
+
   const end = meta.end_s;
   let now = 0, playing = false, follow = Boolean(ego), last = 0, wanted = true;
   $("bar").hidden = !ego;
@@ -190,6 +225,10 @@ function start(buffer) {
         image.src = URL.createObjectURL(new Blob([bytes.subarray(pictures.first[row], pictures.first[row + 1])], { type: "image/jpeg" }));
         if (old) URL.revokeObjectURL(old);
       }
+    }
+    if (sky) {
+      const row = Math.max(lastBefore(sky.time, t), 0);
+      if (row !== sky.shown) showSky(row);
     }
     $("slider").value = t;
     $("time").textContent = `${t.toFixed(1)} / ${end.toFixed(1)} s`;
