@@ -230,7 +230,7 @@ class ScenePage:
             "first": self._part(sky.first, "u4"),
             "name": self._part(of, "u1"),
             "names": names.tolist(),
-            "place": self._part(sky.place_deg, "f4"),
+            "place": self._part(sky.place, "f4"),
             "way": self._part(sky.way, "u1"),
             "ways": list(zip(WAYS, map(_hex, COLOURS_OF_WAYS), strict=True)),
         }

@@ -24,6 +24,8 @@ from recorder.view.recording import (
     Recording,
     new_recording,
 )
+from recorder.view.sky import COLOURS as SKY_COLOURS
+from recorder.view.sky import read_sky
 from recorder.view.town_recording import log_lanes
 
 PERIOD_S = 0.2
@@ -50,7 +52,7 @@ def record_sequence(
     """Write a sequence as a recording.
 
     Args:
-        sequence: The sequence; clouds and images are left out where it has none.
+        sequence: The sequence; clouds, images and the sky of raw GNSS are left out where it has none.
         path: New file (.rrd).
         estimates: Estimates behind their fit, with their errors.
         period_s: Time between two clouds or images that are shown [s].
@@ -78,6 +80,8 @@ def record_sequence(
         if has_images:
             camera = f"{BASE_LINK}/{sequence.stereo[0].frame_id}/image"
             views.append(blueprint.Spatial2DView(origin=camera, name="left camera"))
+        if _log_sky(recording, sequence):
+            views.append(blueprint.Spatial2DView(origin="sky", name="satellites, north up"))
         if estimates:
             views.append(blueprint.TimeSeriesView(origin="error_m", name="position error [m]"))
         recording.show(*views)
@@ -158,6 +162,24 @@ def _log_images(recording: Recording, sequence: SlamSequence, period_s: float) -
         jpeg = recording.rerun.EncodedImage(contents=jpeg_of(picture), media_type="image/jpeg")
         recording.at(stamp_ns, f"{entity}/image", jpeg)
     return bool(len(stamps_ns))
+
+
+def _log_sky(recording: Recording, sequence: SlamSequence) -> bool:
+    """Satellites over time, by the colours of their ways; whether there are some."""
+    sky = read_sky(sequence)
+    if sky is None:
+        return False
+    turn = np.linspace(0.0, 2.0 * np.pi, 73)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    circles = recording.rerun.LineStrips2D(
+        [radius * circle for radius in (30, 60, 90)], colors=[(90, 90, 90)]
+    )
+    recording.always("sky/circles", circles)
+    places, colours = sky.place * [1.0, -1.0], np.array(SKY_COLOURS, np.uint8)[sky.way]
+    for stamp_ns, begin, end in zip(sky.stamp_ns.tolist(), sky.first[:-1], sky.first[1:], strict=True):
+        looks = {"colors": colours[begin:end], "labels": sky.name[begin:end].tolist(), "radii": [2.0]}
+        recording.at(stamp_ns, "sky/satellites", recording.rerun.Points2D(places[begin:end], **looks))
+    return True
 
 
 def _log_lens(recording: Recording, camera: CameraConfig, entity: str) -> None:

@@ -28,8 +28,8 @@ class SkyOverTime:
     """First satellite of each epoch, and S, shape (E + 1,)."""
     name: NDArray[np.str_]
     """Names as in RINEX, shape (S,)."""
-    place_deg: Array
-    """Azimuths, clockwise from north, and elevations [deg], shape (S, 2)."""
+    place: Array
+    """Places to the east and to the north on a plot whose horizon is a circle of radius 90, shape (S, 2)."""
     way: U8
     """Ways of their signals, by their number in `samples.gnss_signals.WAYS`, shape (S,)."""
 
@@ -47,11 +47,14 @@ def read_sky(sequence: SlamSequence) -> SkyOverTime | None:
         rows = list(csv.DictReader(text))
     try:
         stamp_ns, first = np.unique(np.array([int(row["stamp_ns"]) for row in rows]), return_index=True)
+        turn, up = np.radians(
+            [[float(row[f"{name}_deg"]) for row in rows] for name in ("azimuth", "elevation")]
+        )
         return SkyOverTime(
             stamp_ns=stamp_ns,
             first=np.append(first, len(rows)),
             name=np.array([row["satellite"] for row in rows]),
-            place_deg=np.array([[float(row["azimuth_deg"]), float(row["elevation_deg"])] for row in rows]),
+            place=(90.0 - np.degrees(up))[:, None] * np.stack([np.sin(turn), np.cos(turn)], axis=-1),
             way=np.array([WAYS.index(row["way"]) for row in rows], np.uint8),
         )
     except (KeyError, TypeError, ValueError) as error:

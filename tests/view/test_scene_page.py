@@ -8,16 +8,14 @@ import cv2
 import numpy as np
 import pytest
 from shared_fixtures.processes.browser import SOLID, WIDTHS_PX, Browser
-from shared_fixtures.readings.raw_gnss import config, measured, write
+from shared_fixtures.readings.raw_gnss import in_a_street, write
 from shared_fixtures.readings.slam_dataset import list_dataset, rig, write_dataset
-from shared_fixtures.worlds.scenes import Scenery
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples.gnss_signals import BLOCKED, WAYS
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera_config import CameraConfig
-from carlaloc_env.sensors.raw_gnss.config import RangeErrors
 from recorder.cli.main import main
 from recorder.dataset.sequence import SlamSequence
 from recorder.episode.episode import Episode
@@ -101,17 +99,15 @@ def test_a_sequence_is_shown_over_time(sequence: Path, tmp_path: Path) -> None:
 def test_the_sky_is_drawn_at_each_time(sequence: Path, tmp_path: Path) -> None:
     """Satellites of a street stand at their azimuths and elevations, and are counted by their ways."""
     pytest.importorskip("open3d", reason="open3d is not installed")
-    scenery = Scenery()
-    street = scenery.world([scenery.box([-400, s * 15 - 5, 0], [900, s * 15 + 5, 25]) for s in (-1, 1)])
-    receiver = config(RangeErrors(), rate_hz=2.0)
-    samples = measured(street, scenery.drive(scenery.straight(8.0), 2.0), receiver, 1.0)
+    _, _, samples = in_a_street(1.0, rate_hz=2.0)
     root = shutil.copytree(sequence.parents[1], tmp_path / "set")
     folder = root / "Box" / sequence.name
     write(folder / "gnss", samples)
     out = tmp_path / "sky.html"
     assert main(["view", "--html", str(folder), "--out", str(out)]) == 0
     marks = """[...document.querySelectorAll('#sky g circle')].map(mark => [mark.nextSibling.textContent,
-        Number(mark.getAttribute('cx')), Number(mark.getAttribute('cy')), mark.getAttribute('fill') == 'none'])"""
+        Number(mark.getAttribute('cx')), Number(mark.getAttribute('cy')),
+        mark.getAttribute('fill') == 'none'])"""
     with Browser(tmp_path / "profile", SOLID) as browser:
         for width_px in WIDTHS_PX:
             browser.open(out.as_uri(), width_px)

@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from shared_fixtures.readings.raw_gnss import in_a_street, write
 from shared_fixtures.readings.slam_dataset import (
     ELEVATIONS_DEG,
     ROOM_M,
@@ -112,6 +113,25 @@ def test_images_are_shown_and_a_damaged_one_is_named(tmp_path: Path, capfd: Capt
     assert main(["view", str(folder), "--period", "0.1", "--out", str(tmp_path / "b.rrd")]) == 1
     assert f"{names[2]}.png is no image; replay it anew" in capfd.readouterr().err
     assert not (tmp_path / "b.rrd").exists()
+
+
+def test_the_sky_is_shown_over_time(tmp_path: Path) -> None:
+    """Satellites by name, at their azimuths and elevations, at each epoch of the receiver."""
+    pytest.importorskip("rerun", reason="needs rerun-sdk")
+    pytest.importorskip("open3d", reason="open3d is not installed")
+    folder = write_dataset(tmp_path / "set", sweeps=10) / "Box" / "ClearNoon_dynamic"
+    _, _, samples = in_a_street(1.0, rate_hz=2.0)
+    write(folder / "gnss", samples)
+    out = tmp_path / "look.rrd"
+    assert main(["view", str(folder), "--out", str(out)]) == 0
+    column, raws = columns_of(out), samples["gnss_raw"]
+    assert stamps(column("sky/satellites", "stamp")) == [raw.stamp_ns + DEFAULT_EPOCH_NS for raw in raws]
+    names, points = (column("sky/satellites", f"Points2D:{name}") for name in ("labels", "positions"))
+    for raw, name, point in zip(raws, names, points, strict=True):
+        assert name == raw.sky_satellite.tolist()
+        azimuth, away = np.radians(raw.sky_azimuth_deg), 90.0 - raw.sky_elevation_deg
+        place = np.stack([away * np.sin(azimuth), -away * np.cos(azimuth)], axis=-1)
+        np.testing.assert_allclose(point, place, atol=0.02)
 
 
 def test_an_episode_shows_who_took_part(short_drive: Path, tmp_path: Path) -> None:

@@ -162,8 +162,8 @@ function start(buffer) {
     sky.shown = row;
     const count = sky.ways.map(() => 0), marks = [];
     for (let k = sky.first[row]; k < sky.first[row + 1]; k++) {
-      const way = sky.way[k], colour = sky.ways[way][1], turn = sky.place[2 * k] * Math.PI / 180, r = 90 - sky.place[2 * k + 1];
-      const x = r * Math.sin(turn), y = -r * Math.cos(turn), name = sky.names[sky.name[k]];
+      const way = sky.way[k], colour = sky.ways[way][1], name = sky.names[sky.name[k]];
+      const x = sky.place[2 * k], y = -sky.place[2 * k + 1];
       count[way]++;
       marks.push(mark("circle", { cx: x, cy: y, r: 4, stroke: colour, fill: way < 2 ? colour : "none" }), mark("text", { x, y: y + 9 }, name));
     }

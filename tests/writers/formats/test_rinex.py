@@ -13,6 +13,7 @@ from shared_fixtures.readings.raw_gnss import (
     OFF,
     antenna,
     config,
+    in_a_street,
     measured,
     of_times,
     places,
@@ -24,11 +25,6 @@ from carlaloc_env.sensors.raw_gnss.config import BaseStation, RangeErrors
 
 OPEN = RangeErrors(town=False)
 MIDNIGHT_OF_A_WEEK = "2023-01-07T23:59:20"
-
-
-def canyon(scenery: Any) -> Any:
-    """A street of 20 m between walls of 25 m."""
-    return scenery.world([scenery.box([-400, s * 15 - 5, 0], [900, s * 15 + 5, 25]) for s in (-1, 1)])
 
 
 @pytest.mark.parametrize("errors", [OFF, MODELS], ids=["off", "models"])
@@ -50,10 +46,9 @@ def test_rnx2rtkp_finds_the_antenna_where_no_error_is_on(
 
 
 @pytest.mark.parametrize("date", ["2023-01-01", "2023-01-01T12:00"])
-def test_fixes_are_those_of_rnx2rtkp(scenery: Any, date: str, tmp_path: Path) -> None:
+def test_fixes_are_those_of_rnx2rtkp(date: str, tmp_path: Path) -> None:
     """In a street too, whose reflections put both off by metres: within 0.1 m where both have a fix."""
-    drive, world = scenery.drive(scenery.straight(8.0), 95.0), canyon(scenery)
-    samples = measured(world, drive, config(RangeErrors(), date=date), 90.0)
+    world, _, samples = in_a_street(90.0, date=date)
     assert sum(int(np.sum(raw.way() == 1)) for raw in samples["gnss_raw"]) > 500
     unix_s, geodetic, _ = rtklib(write(tmp_path / "gnss", samples), "single")
     assert len(geodetic) > 40
@@ -81,10 +76,9 @@ def test_open_sky_and_a_base_fix_ambiguities(scenery: Any, seed: int, tmp_path: 
     assert np.sqrt(np.mean(off[:, 2] ** 2)) < 0.020
 
 
-def test_georinex_reads_what_was_measured(scenery: Any, tmp_path: Path) -> None:
+def test_georinex_reads_what_was_measured(tmp_path: Path) -> None:
     georinex = pytest.importorskip("georinex", reason="needs georinex")
-    drive, base = scenery.drive(scenery.straight(10.0), 8.0), BaseStation(position_m=BASE_M)
-    samples = measured(canyon(scenery), drive, config(RangeErrors(), base=base), 5.0)
+    _, _, samples = in_a_street(5.0, base=BaseStation(position_m=BASE_M))
     folder = write(tmp_path / "gnss", samples)
     for name in ("gnss", "gnss_base"):
         read = georinex.load(folder / f"{name}.obs")
