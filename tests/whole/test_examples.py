@@ -16,10 +16,12 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 from shared_fixtures.drives.straight_drives import StraightDrive
+from shared_fixtures.readings.raw_gnss import in_a_street, write
 
 from carlaloc_env.core.errors import RaycastError, RenderError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.samples.gnss_signals import IN_SIGHT
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode.episode import Episode
@@ -147,6 +149,26 @@ def test_one_sweep_gives_the_cars_velocity(short_drive: Path) -> None:
     assert truth[0] > 1.0
     assert measured[0] == pytest.approx(truth[0], abs=0.02)
     assert measured[1] == pytest.approx(truth[1], abs=0.1)
+
+
+def test_positions_gain_where_reflections_are_dropped(tmp_path: Path) -> None:
+    """In a street, RTKLIB is nearer to the antenna without them; the labels drop just what was reflected."""
+    pytest.importorskip("open3d", reason="open3d is not installed")
+    if shutil.which("rnx2rtkp") is None:
+        pytest.skip("rnx2rtkp is not installed; apt-get install rtklib")
+    rig = SensorRig.load(EXAMPLES / "22_drop_reflections.yaml")
+    (receiver,) = rig.of_kind("gnss")
+    _, _, samples = in_a_street(60.0, 12.0, 15.0, base=receiver.receiver.base, date=receiver.receiver.date)
+    folder = write(tmp_path / "gnss", samples)
+    errors = load("22_drop_reflections").main(folder)
+    for mode in ("single", "rtk"):
+        everything, kept = errors[mode, "gnss.obs"], errors[mode, "gnss_kept.obs"]
+        assert len(kept) >= len(everything) > 20
+        assert np.median(kept) < 0.5 * np.median(everything)
+    lines = (folder / "gnss_kept.obs").read_text().splitlines()
+    counts = [int(line[32:35]) for line in lines if line[:1] == ">"]
+    in_sight = [len(set(raw.satellite[raw.way() == IN_SIGHT])) for raw in samples["gnss_raw"]]
+    assert counts == in_sight
 
 
 def test_a_sensor_of_ones_own_reaches_a_bag(
