@@ -12,6 +12,8 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.jit import compiled
 
+_FEW_PAIRS = 20_000
+"""Pairs up to which a test of each costs less than sectors."""
 _SECTORS = 1024
 """Sectors of the horizon; each knows the cylinders that can be seen in it."""
 
@@ -47,6 +49,8 @@ def candidates(
         Ray indices (M,) and actor indices (M,), in the order of rays, then of actors.
     """
     starts, along = (np.asarray(part, dtype=np.float32) for part in (origins_m, directions))
+    if len(along) * len(cylinders.radius_m) <= _FEW_PAIRS:
+        return _meeting(starts, along, limit_m, cylinders)
     # Axis by axis: numpy takes ten times as long over rows of three.
     lowest, highest = (np.array([end(axis) for axis in starts.T], np.float64) for end in (np.min, np.max))
     eye, spread = 0.5 * (lowest + highest), 0.5 * (highest - lowest)
@@ -63,6 +67,20 @@ def candidates(
         if count <= room:
             return rays[:count], near[actors[:count]]
         room = count
+
+
+def _meeting(starts_m: F32, directions: F32, limit_m: F32, cylinders: Cylinders) -> tuple[Index, Index]:
+    """The pairs of `_pairs` by a test of each: rays may start far from each other."""
+    x, y, z = np.moveaxis(cylinders.centre_m[None] - starts_m[:, None], -1, 0)
+    dx, dy, dz = directions.astype(np.float64).T[:, :, None]
+    radius_m, tall_m = cylinders.radius_m + 0.01, cylinders.half_height_m + 0.01
+    flat = np.maximum(np.hypot(dx, dy), 1e-3)
+    square, half_chord, along = flat * flat, radius_m * flat, x * dx + y * dy
+    far = limit_m.astype(np.float64)[:, None] * square
+    meets = (np.abs(x * dy - y * dx) < half_chord) & (-half_chord < along) & (along < far + half_chord)
+    meets &= np.abs(dz * along - z * square) < tall_m * square + np.abs(dz) * flat * radius_m
+    rays, actors = np.nonzero(meets)
+    return rays, actors
 
 
 def _seen_in_sectors(away_m: Array, radius_m: Array) -> tuple[Index, Index]:
