@@ -71,16 +71,22 @@ def candidates(
 
 def _meeting(starts_m: F32, directions: F32, limit_m: F32, cylinders: Cylinders) -> tuple[Index, Index]:
     """The pairs of `_pairs` by a test of each: rays may start far from each other."""
-    x, y, z = np.moveaxis(cylinders.centre_m[None] - starts_m[:, None], -1, 0)
-    dx, dy, dz = directions.astype(np.float64).T[:, :, None]
-    radius_m, tall_m = cylinders.radius_m + 0.01, cylinders.half_height_m + 0.01
+    starts, (dx, dy, dz) = starts_m.astype(np.float64), directions.astype(np.float64).T[:, :, None]
+    centre, radius_m, tall_m = cylinders.centre_m, cylinders.radius_m + 0.01, cylinders.half_height_m + 0.01
     flat = np.maximum(np.hypot(dx, dy), 1e-3)
+    # Rays that all rise are soon above what is low.
+    above_m, rise = centre[:, 2] + tall_m - starts[:, 2].min(), float(np.min(dz / flat))
+    away = np.maximum(np.maximum(starts.min(axis=0) - centre, centre - starts.max(axis=0)), 0.0)
+    near = np.flatnonzero((np.hypot(away[:, 0], away[:, 1]) - radius_m) * rise <= above_m)
+    if rise > 0.0:
+        centre, radius_m, tall_m = centre[near], radius_m[near], tall_m[near]
+    x, y, z = np.moveaxis(centre[None] - starts[:, None], -1, 0)
     square, half_chord, along = flat * flat, radius_m * flat, x * dx + y * dy
     far = limit_m.astype(np.float64)[:, None] * square
     meets = (np.abs(x * dy - y * dx) < half_chord) & (-half_chord < along) & (along < far + half_chord)
     meets &= np.abs(dz * along - z * square) < tall_m * square + np.abs(dz) * flat * radius_m
     rays, actors = np.nonzero(meets)
-    return rays, actors
+    return rays, near[actors] if rise > 0.0 else actors
 
 
 def _seen_in_sectors(away_m: Array, radius_m: Array) -> tuple[Index, Index]:
