@@ -99,12 +99,17 @@ def matrix_product(a: Any, b: Any) -> Any:
 
 def _apply(name: str, *given: Any) -> Any:
     """A kernel over arrays."""
+    if len(given) == 1:
+        values = np.array(given[0], dtype=np.float64, order="C")
+        flat = values.reshape(-1)
+        _fill(name)(flat, flat)
+        return _as_given(values[()], *given)
     shape = np.broadcast(*given).shape
-    values = [np.empty(shape) for _ in given]
-    for room, value in zip(values, given, strict=True):
+    both = [np.empty(shape) for _ in given]
+    for room, value in zip(both, given, strict=True):
         room[...] = value
-    _fill(name)(values[0].reshape(-1), values[-1].reshape(-1))
-    return _as_given(values[0][()], *given)
+    _fill(name)(both[0].reshape(-1), both[1].reshape(-1))
+    return _as_given(both[0][()], *given)
 
 
 def _as_given(result: Any, *given: Any) -> Any:
