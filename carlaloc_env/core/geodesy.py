@@ -60,12 +60,16 @@ class GeoReference:
 @functools.lru_cache(maxsize=8)
 def _axes_at(place: GeoReference) -> Array:
     """Pose of the axes east, north, up at a place, Earth-centred, shape (4, 4)."""
-    lat, lon = np.radians(place.latitude_deg), np.radians(place.longitude_deg)
+    axes = local_axes(place.latitude_deg, place.longitude_deg)
+    origin = geodetic_to_ecef([place.latitude_deg, place.longitude_deg, place.height_m])
+    return transforms.from_rotation(axes, origin)
+
+
+def local_axes(latitude_deg: float, longitude_deg: float) -> Array:
+    """East, north and up as columns, Earth-centred, shape (3, 3)."""
+    lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
     sl, cl, so, co = elementary.sin(lat), elementary.cos(lat), elementary.sin(lon), elementary.cos(lon)
-    axes = np.array([[-so, -sl * co, cl * co], [co, -sl * so, cl * so], [0.0, cl, sl]])
-    return transforms.from_rotation(
-        axes, geodetic_to_ecef([place.latitude_deg, place.longitude_deg, place.height_m])
-    )
+    return np.array([[-so, -sl * co, cl * co], [co, -sl * so, cl * so], [0.0, cl, sl]])
 
 
 def geodetic_to_ecef(geodetic: ArrayLike) -> Array:

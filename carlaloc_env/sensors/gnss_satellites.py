@@ -94,11 +94,13 @@ def least_squares(directions: Array, sigma_m: Array, range_error_m: Array) -> tu
     """
     rows = np.concatenate([-directions, np.ones((len(directions), 1))], axis=1)
     weight = 1.0 / (sigma_m * sigma_m)
-    normal = [[float(np.sum(weight * rows[:, i] * rows[:, j])) for j in range(4)] for i in range(4)]
+    normal = np.array([[np.sum(weight * rows[:, i] * rows[:, j]) for j in range(4)] for i in range(4)])
     right = [float(np.sum(weight * rows[:, i] * range_error_m)) for i in range(4)]
-    inverse = _inverse(normal)
+    inverse = inverse_of(normal)
+    if inverse is None:
+        raise ZeroDivisionError("satellites lie in one plane")
     error = [sum(inverse[i][j] * right[j] for j in range(4)) for i in range(3)]
-    covariance = np.array([row[:3] for row in inverse[:3]])
+    covariance = inverse[:3, :3]
     return np.array(error), 0.5 * (covariance + covariance.T)
 
 
@@ -111,17 +113,14 @@ def dilution(directions: Array) -> float:
     return math.sqrt(max(float(covariance[0, 0] + covariance[1, 1] + covariance[2, 2]), 0.0))
 
 
-def _inverse(matrix: list[list[float]]) -> list[list[float]]:
-    """Inverse of a symmetric positive 4×4 matrix by elimination; plain floats, alike on every machine."""
+def inverse_of(matrix: Array) -> Array | None:
+    """Inverse of a symmetric positive matrix by elimination, alike on every machine; None: there is none."""
     size = len(matrix)
-    work = [row[:] + [float(i == j) for j in range(size)] for i, row in enumerate(matrix)]
+    work = np.concatenate([matrix, np.eye(size)], axis=1)
     for k in range(size):
-        pivot = work[k][k]
-        if abs(pivot) < 1e-12:
-            raise ZeroDivisionError("satellites lie in one plane")
-        work[k] = [value / pivot for value in work[k]]
-        for i in range(size):
-            if i != k:
-                factor = work[i][k]
-                work[i] = [a - factor * b for a, b in zip(work[i], work[k], strict=True)]
-    return [row[size:] for row in work]
+        if not work[k, k] > 1e-12 * matrix[k, k]:
+            return None
+        work[k] /= work[k, k]
+        others = np.arange(size) != k
+        work[others] -= work[others, k, None] * work[k]
+    return work[:, size:]

@@ -56,6 +56,11 @@ class RangeErrors:
         if self.multipath_s <= 0:
             raise ConfigError("errors: multipath_s must be above 0")
 
+    @property
+    def models(self) -> tuple[bool, bool, bool]:
+        """Whether satellites' clocks, the ionosphere and the troposphere are in ranges."""
+        return self.satellite_clocks, self.ionosphere > 0, self.troposphere_m > 0
+
     @classmethod
     def off(cls) -> RangeErrors:
         """No errors: geometry alone."""

@@ -10,16 +10,18 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geodesy import ecef_to_geodetic
+from carlaloc_env.core.geodesy import ecef_to_geodetic, local_axes
+from carlaloc_env.sensors.gnss_satellites import EARTH_RATE_RADPS, inverse_of
 from carlaloc_env.sensors.raw_gnss.atmosphere import L1_HZ, klobuchar_m, saastamoinen_m
+from carlaloc_env.sensors.raw_gnss.config import RangeErrors
 from carlaloc_env.sensors.raw_gnss.orbits import Sky, turned
 from carlaloc_env.sensors.raw_gnss.systems import LIGHT_MPS, WEEK_S
 
 USED_DEG = 15.0
 """Elevation above which satellites are used, RTKLIB's default [deg]."""
 _ROUNDS = 10
-EARTH_RATE_RADPS = 7.2921151467e-5
-"""Rotation of the Earth [rad/s]."""
+COMMON = 0.8
+"""Part of the ionosphere's error that all satellites share; √(1 − 0.8²) of it is each satellite's own."""
 _SURE_SIGMA, _DOP_MAX = 3.0902, 30.0
 """Residuals of a good position are refused once in 1000, RTKLIB's rule; largest dilution of precision."""
 _DONE_M = 1e-4
@@ -51,20 +53,6 @@ class Ranges:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beliefs:
-    """Errors of messages and models, as a receiver's covariance reckons with them."""
-
-    signal_in_space_m: Array
-    """Error of orbit and clock of every satellite of the `Sky` [m]."""
-    ionosphere: float
-    """Error of the ionosphere's model as a share of its delay."""
-    common: float
-    """Part of it that all satellites share."""
-    troposphere_m: float
-    """Error of the troposphere's model overhead [m]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Fix:
     """A position; NaN without one."""
 
@@ -88,8 +76,7 @@ def locate(
     sky: Sky,
     tag_ns: int,
     ranges: Ranges,
-    models: tuple[bool, bool, bool],
-    beliefs: Beliefs,
+    errors: RangeErrors,
     start_m: Array,
 ) -> Fix:
     """Position, and the covariance of its error under open sky.
@@ -102,14 +89,14 @@ def locate(
         sky: Satellites and their messages.
         tag_ns: GPS time of the receiver's clock [ns].
         ranges: Measurements.
-        models: Whether ranges have satellites' clocks, the ionosphere and the troposphere in them.
-        beliefs: Sizes of the errors.
+        errors: Sizes of the errors of messages and models; models are applied where these are.
         start_m: Where to begin, Earth-fixed [m]: a place within some kilometres.
     """
     code_m, left, velocities = _satellites(sky, tag_ns, ranges)
     _, elevation = look_angles(ecef_to_geodetic(start_m), left - start_m)
     used = np.flatnonzero(elevation > math.radians(USED_DEG))
     ranges, code_m, left, velocities = ranges.take(used), code_m[used], left[used], velocities[used]
+    models = errors.models
     systems, column = np.unique([sky.records[k].system.letter for k in ranges.row], return_inverse=True)
     width = 3 + len(systems)
     if len(ranges.row) < width:
@@ -140,7 +127,7 @@ def locate(
         place, offsets = place + step[:3], offsets + step[3:]
         if float(np.max(np.abs(step))) < _DONE_M:
             break
-    axes, free = np.stack(local_axes(geodetic)), len(rows) - width
+    axes, free = local_axes(*geodetic[:2]).T, len(rows) - width
     left_over = float(np.sum((code_m - expected) ** 2 / variance))
     dop = _dilutions(rows, axes)
     if (free and left_over > _largest_residual(free)) or not dop[0] < _DOP_MAX:
@@ -152,7 +139,7 @@ def locate(
     rate = rate * (1.0 + (leaving - turning) / LIGHT_MPS) - leaving
     return Fix(
         geodetic=ecef_to_geodetic(place),
-        covariance_m2=_covariance(gain_enu, ranges, beliefs, up, ion),
+        covariance_m2=_covariance(gain_enu, sky, ranges, errors, up, ion),
         velocity_mps=np.sum(gain_enu * rate, axis=-1),
         dop=dop,
     )
@@ -184,12 +171,12 @@ def _variance(sky: Sky, ranges: Ranges, up: Array, ion: Array, models: tuple[boo
     return variance
 
 
-def _covariance(gain: Array, ranges: Ranges, beliefs: Beliefs, up: Array, ion: Array) -> Array:
+def _covariance(gain: Array, sky: Sky, ranges: Ranges, errors: RangeErrors, up: Array, ion: Array) -> Array:
     """Covariance of the position, (3, 3), of errors of each range and of those that all share."""
-    space = beliefs.signal_in_space_m[ranges.row]
-    own = beliefs.ionosphere * math.sqrt(1.0 - beliefs.common * beliefs.common) * ion
+    space = errors.signal_in_space * np.array([sky.records[k].system.signal_in_space_m for k in ranges.row])
+    own = errors.ionosphere * math.sqrt(1.0 - COMMON * COMMON) * ion
     variance = ranges.sigma_m * ranges.sigma_m + space * space + own * own
-    shared = np.stack([beliefs.ionosphere * beliefs.common * ion, beliefs.troposphere_m / elementary.sin(up)])
+    shared = np.stack([errors.ionosphere * COMMON * ion, errors.troposphere_m / elementary.sin(up)])
     moved = np.sum(gain[:, None, :] * shared[None], axis=-1)
     covariance: Array = np.sum(gain[:, None, :] * (gain * variance)[None], axis=-1)
     covariance += np.sum(moved[:, None, :] * moved[None], axis=-1)
@@ -213,31 +200,10 @@ def _weighted(a: Array, b: Array, weight: Array) -> Array:
     return product
 
 
-def inverse_of(matrix: Array) -> Array | None:
-    """Inverse of a symmetric positive matrix by elimination, alike on every machine; None: there is none."""
-    size = len(matrix)
-    work = np.concatenate([matrix, np.eye(size)], axis=1)
-    for k in range(size):
-        if not work[k, k] > 1e-12 * matrix[k, k]:
-            return None
-        work[k] /= work[k, k]
-        others = np.arange(size) != k
-        work[others] -= work[others, k, None] * work[k]
-    return work[:, size:]
-
-
-def local_axes(geodetic: Array) -> tuple[Array, Array, Array]:
-    """East, north and up at a latitude [deg] and longitude [deg], Earth-fixed unit vectors."""
-    latitude, longitude = math.radians(geodetic[0]), math.radians(geodetic[1])
-    sl, cl = elementary.sin(latitude), elementary.cos(latitude)
-    so, co = elementary.sin(longitude), elementary.cos(longitude)
-    return np.array([-so, co, 0.0]), np.array([-sl * co, -sl * so, cl]), np.array([cl * co, cl * so, sl])
-
-
 def look_angles(geodetic: Array, to: Array) -> tuple[Array, Array]:
     """Azimuths, clockwise from true north, and elevations [rad] of Earth-fixed vectors (N, 3)."""
     unit = to / np.sqrt(np.sum(to * to, axis=-1))[:, None]
-    east, north, up = local_axes(geodetic)
+    east, north, up = local_axes(*geodetic[:2]).T
     azimuth = elementary.arctan2(np.sum(unit * east, axis=-1), np.sum(unit * north, axis=-1))
     return azimuth, elementary.arcsin(np.clip(np.sum(unit * up, axis=-1), -1.0, 1.0))
 

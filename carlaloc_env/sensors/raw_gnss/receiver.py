@@ -18,7 +18,7 @@ from carlaloc_env.samples.gnss_signals import BLOCKED, IN_SIGHT, REFLECTED, Gnss
 from carlaloc_env.sensors.raw_gnss.atmosphere import L1_HZ, klobuchar_m, saastamoinen_m
 from carlaloc_env.sensors.raw_gnss.config import RawConfig
 from carlaloc_env.sensors.raw_gnss.orbits import Sky, ephemerides
-from carlaloc_env.sensors.raw_gnss.position import Beliefs, Ranges, locate, look_angles
+from carlaloc_env.sensors.raw_gnss.position import COMMON, Ranges, locate, look_angles
 from carlaloc_env.sensors.raw_gnss.reception import Reception, receive
 from carlaloc_env.sensors.raw_gnss.systems import LIGHT_MPS, SYSTEMS, WEEK_S
 from carlaloc_env.sensors.stochastic_processes import EventCount, GaussMarkov, SlowMarkov, white_noise
@@ -34,8 +34,6 @@ _CARRIER_MULTIPATH = 0.01
 """Multipath of a carrier phase over that of a pseudorange."""
 _REFLECTED_SLIPS = 100.0
 """Slips of reflected signals over those of others."""
-COMMON = 0.8
-"""Part of the ionosphere's error that all satellites share; √(1 − 0.8²) of it is each satellite's own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,28 +171,20 @@ class RawReceiver:
             )
             columns["carrier_cycles"] += (mixed % np.uint64(2001)).astype(np.float64) - 1000.0
         week, tow_ns = divmod(gps_ns, WEEK_S * 1_000_000_000)
-        models = self._models()
         # The time that the receiver's own clock shows is all that it knows.
-        fix = locate(
-            sky, gps_ns + round(clock_s * 1e9), self._ranges(rows, columns), models,
-            self._beliefs(), antenna.ecef_m,
-        )  # fmt: skip
-        ways = arrivals.ways
+        ways, errors, tag_ns = arrivals.ways, self._config.errors, gps_ns + round(clock_s * 1e9)
+        fix = locate(sky, tag_ns, self._ranges(rows, columns), errors, antenna.ecef_m)
         return GnssRaw(
             sensor=self._name, frame_id=self._frame, stamp_ns=stamp_ns, epoch=epoch, week=week,
             tow_s=tow_ns * 1e-9 + clock_s, satellite=self._satellites[self._of[rows]],
             code=self._codes[rows], number=self._numbers[rows], frequency_hz=self._hz[rows], **columns,
             solution_deg_m=fix.geodetic, solution_covariance_m2=fix.covariance_m2,
-            velocity_enu_mps=fix.velocity_mps, dop=fix.dop, models=np.array(models),
+            velocity_enu_mps=fix.velocity_mps, dop=fix.dop, models=np.array(errors.models),
             antenna_ecef_m=antenna.ecef_m, clock_s=clock_s, sky_satellite=self._satellites[arrivals.row],
             sky_azimuth_deg=np.degrees(arrivals.azimuth_rad) % 360.0,
             sky_elevation_deg=np.degrees(arrivals.elevation_rad), sky_way=ways.state,
             sky_extra_m=ways.extra_m, sky_wall_m=ways.wall_m, sky_wall_tag=ways.wall_tag,
         )  # fmt: skip
-
-    def _models(self) -> tuple[bool, bool, bool]:
-        errors = self._config.errors
-        return errors.satellite_clocks, errors.ionosphere > 0, errors.troposphere_m > 0
 
     def _arrivals(
         self, sky: Sky, stamp_ns: int, antenna: Antenna, rays: RayScene | None, timeline: Timeline
@@ -318,14 +308,6 @@ class RawReceiver:
             row=self._of[signals], frequency_hz=self._hz[signals],
             pseudorange_m=columns["pseudorange_m"][first], doppler_hz=columns["doppler_hz"][first],
             sigma_m=columns["sigma"][first, 0],
-        )  # fmt: skip
-
-    def _beliefs(self) -> Beliefs:
-        """How large the errors of models are that the receiver's covariance reckons with."""
-        errors = self._config.errors
-        return Beliefs(
-            signal_in_space_m=errors.signal_in_space * self._space_m, ionosphere=errors.ionosphere,
-            common=COMMON, troposphere_m=errors.troposphere_m,
         )  # fmt: skip
 
 
