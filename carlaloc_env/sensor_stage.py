@@ -29,14 +29,16 @@ class SensorStage:
     needs no OpenGL and one without LiDAR no Open3D.
     """
 
-    def __init__(self, town: Town, *, seed: int, weather: Weather, quality: str = "medium") -> None:
+    def __init__(
+        self, town: Town, *, seed: int, weather: Weather, quality: str = "medium", ego_body: bool = True
+    ) -> None:
         self._geo, self._lenses, self._lamps_m = town.roads.geo, town.outline.lenses, town.outline.lamps_m
         self._roughness = None if town.roughness is None else town.roughness.table
         self._middles_m = town.network.driven_middles_m
         self._look: Callable[[], tuple[Mesh, ...]] | None = town.scenery
         self._seed = seed
         self.weather = weather
-        self._quality = quality
+        self._quality, self._ego_body = quality, ego_body
         self._renderer: SceneRenderer | None = None
         self._rays: RayScene | None = None
         self._tracks: WheelTracks | None = None
@@ -62,8 +64,9 @@ class SensorStage:
 
     @cached_property
     def library(self) -> ModelLibrary:
-        """Movable models."""
-        return build_library()
+        """Movable models; without the ego's own body where the sensors stand by the road."""
+        library = build_library()
+        return library if self._ego_body else library.without("ego")
 
     @property
     def lenses(self) -> SignalLenses:

@@ -190,7 +190,7 @@ def place_signals(lenses: SignalLenses, states: NDArray[np.uint8], library: Mode
 
 
 def place_ego(T_world_base: ArrayLike, library: ModelLibrary, lights: int = 0) -> Instances:
-    """The ego's own body at its `base_link` pose (4, 4), with its lit lamps.
+    """The ego's own body at its `base_link` pose (4, 4), with its lit lamps; nothing of a library without it.
 
     Args:
         T_world_base: Pose of the ego.
@@ -198,12 +198,14 @@ def place_ego(T_world_base: ArrayLike, library: ModelLibrary, lights: int = 0) -
         lights: Bits of lit lights (`LIGHT_BRAKE` …), as `Snapshot.ego_lights` holds them.
     """
     names = ["ego", *(f"ego/{lamp}" for lamp, bit in _EGO_LAMPS.items() if lights & bit)]
+    if "ego" not in library.names:
+        names = []
     T = np.asarray(T_world_base, dtype=np.float64).reshape(1, 4, 4)
     return Instances(
         model=np.array([library.index(name) for name in names], dtype=np.int32),
         T_world_model=np.repeat(T, len(names), axis=0),
         instance=np.full(len(names), EGO_INSTANCE, dtype=np.uint32),
-        tint=np.array([EGO_TINT] * len(names), dtype=np.uint8),
+        tint=np.array([EGO_TINT] * len(names), dtype=np.uint8).reshape(-1, 3),
     )
 
 

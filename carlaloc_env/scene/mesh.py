@@ -161,6 +161,11 @@ class ModelLibrary:
         """Index of a model's name."""
         return self._index[name]
 
+    def without(self, family: str) -> ModelLibrary:
+        """The models but those of a family: itself, and its parts."""
+        pairs = zip(self.names, self.meshes, strict=True)
+        return ModelLibrary({name: mesh for name, mesh in pairs if name.partition("/")[0] != family})
+
     def __len__(self) -> int:
         return len(self.names)
 

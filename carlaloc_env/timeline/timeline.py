@@ -59,7 +59,7 @@ class Timeline:
         ego: The ego's motion.
         car: Its wheels and pedals.
         cars: All cars of the drive, where there are several.
-        own: Which of them is the ego.
+        own: Which of them is the ego; None: none, and `ego` is a fixed unit.
     """
 
     def __init__(
@@ -69,15 +69,16 @@ class Timeline:
         ego: EgoTrack | None = None,
         car: CarTrack | None = None,
         cars: DrivenCars | None = None,
-        own: int = 0,
+        own: int | None = 0,
     ) -> None:
         self._traffic, self._cars, self._own = catalog, cars, own
         self._others = np.zeros(0, np.intp)
         self.catalog = catalog
         """All actors: the traffic, then the other cars."""
         if cars is not None:
-            ego, car = cars.tracks[own]
-            self._others = np.delete(np.arange(len(cars)), own)
+            if own is not None:
+                ego, car = cars.tracks[own]
+            self._others = np.delete(np.arange(len(cars)), [] if own is None else own)
             self.catalog = joined_catalogs(catalog, cars.catalog.take(self._others))
         if ego is None:
             # Here, since numba takes half a second to import, and much is read without any motion.

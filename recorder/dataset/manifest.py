@@ -93,7 +93,13 @@ class DatasetManifest:
 
 
 def drive_origin(
-    episode: Episode, rig: SensorRig, *, seed: int, span_ns: tuple[int, int], topics: str
+    episode: Episode,
+    rig: SensorRig,
+    *,
+    seed: int,
+    span_ns: tuple[int, int],
+    topics: str,
+    roadside: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Description that all sequences of a drive share, as YAML values.
 
@@ -103,6 +109,7 @@ def drive_origin(
         seed: Seed of their noise.
         span_ns: First stamp and end (not included) of the stretch [ns].
         topics: Topic profile of bags and calibration.
+        roadside: Place of the fixed unit that carries them; None: a car does.
     """
     header = episode.header
     origin = {
@@ -112,11 +119,12 @@ def drive_origin(
             "sha256": file_sha256(episode.path),
             "seed": header.seed,
             "device": header.device,
-            **({"car": episode.car} if header.cars else {}),
+            **({"car": episode.car} if header.cars and not roadside else {}),
             "duration_s": episode.duration_s,
             "traffic": dict(header.traffic),
             "versions": dict(header.versions),
         },
+        **({"roadside": dict(roadside)} if roadside else {}),
         "noise_seed": seed,
         "stretch_s": [span_ns[0] / 1e9, span_ns[1] / 1e9],
         "topics": topics,

@@ -11,15 +11,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.ego import Controls
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.files.recordings import recording_path
+from carlaloc_env.core.transforms import matrix_to_quat
+from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
@@ -164,15 +167,29 @@ class Episode:
         """The device's axes before shaping."""
         return self._log("raw_")
 
-    def timeline(self) -> Timeline:
-        """The whole drive, equal bit for bit to that of the live sensors."""
+    @property
+    def car_ids(self) -> list[int]:
+        """Instance id of each car where another one sees it."""
         if self.header.cars:
+            return [int(car["id"]) for car in self.header.cars]
+        return [int(max(self.header.catalog.id.tolist(), default=EGO_INSTANCE)) + 1]
+
+    def timeline(self, T_world_unit: Array | None = None) -> Timeline:
+        """The whole drive, equal bit for bit to that of the live sensors.
+
+        Args:
+            T_world_unit: Pose of a fixed unit that takes the place of the car and sees it as all others,
+                shape (4, 4).
+        """
+        if self.header.cars or T_world_unit is not None:
             # Here, since numba takes half a second to import.
             from carlaloc_env.timeline.driven_cars import DrivenCars
 
-            ids = [int(car["id"]) for car in self.header.cars]
-            cars = DrivenCars(ids, [_tracks(rows) for rows in self.egos], int(Tag.CAR))
-            timeline = Timeline(self.header.catalog, cars=cars, own=self.car - 1)
+            cars = DrivenCars(self.car_ids, [_tracks(rows) for rows in self.egos], int(Tag.CAR))
+            unit = {} if T_world_unit is None else _fixed(T_world_unit, len(self.ego))
+            timeline = Timeline(
+                self.header.catalog, cars=cars, own=None if unit else self.car - 1, **unit
+            )
         else:
             track, car = _tracks(self.ego)
             timeline = Timeline(self.header.catalog, ego=track, car=car)
@@ -197,6 +214,16 @@ def _tracks(rows: NDArray[np.void]) -> tuple[EgoTrack, CarTrack]:
         np.stack([np.asarray(column, dtype=np.float64) for column in switches], axis=-1),
     )
     return EgoTrack.from_arrays(rows["position_m"], rows["quat_xyzw"]), car
+
+
+def _fixed(T_world_unit: Array, ticks: int) -> dict[str, Any]:
+    """Spline, and wheels and pedals, of a unit that stands still."""
+    from carlaloc_env.timeline.ego_spline import EgoTrack
+
+    quat = matrix_to_quat(T_world_unit[:3, :3])
+    poses = (np.tile(values, (ticks, 1)) for values in (T_world_unit[:3, 3], quat))
+    wheels = CarTrack.from_arrays(np.zeros((ticks, 4)), np.zeros(ticks), np.zeros((ticks, 4)))
+    return {"ego": EgoTrack.from_arrays(*poses), "car": wheels}
 
 
 def open_episode(path: str | Path) -> Episode:

@@ -46,7 +46,7 @@ class BetweenCars:
     folder: Path
     """Folder of the tables."""
     closures: int | None
-    """Number of closures; None: the rig has neither LiDAR nor camera."""
+    """Number of closures; None: there is one car, or the rig has neither LiDAR nor camera."""
 
 
 def write_between_cars(
@@ -56,10 +56,10 @@ def write_between_cars(
     radio_range_m: float = RADIO_RANGE_M,
     report: Callable[[float, float], None] = lambda *_: None,
 ) -> BetweenCars:
-    """Write the truth between the cars of a drive; a folder that is there already is kept.
+    """Write the truth between the cars of a drive, and fixed units; poses that are there already are kept.
 
     Args:
-        plans: The replay of each car, of one stretch and rig.
+        plans: The replay of each car and unit, of one stretch; closures are those of cars.
         out: Folder of the cars' folders.
         radio_range_m: Distance within which cars hear each other [m].
         report: Called with pairs of cars done and in all.
@@ -74,26 +74,27 @@ def write_between_cars(
     sensor = _sensor(first)
     timelines = [plan.timeline for plan in plans]
     stamps = np.arange(*first.span_ns, STEP_NS)
-    pairs = list(combinations(range(len(plans)), 2))
+    pairs, names = list(combinations(range(len(plans)), 2)), [plan.config.carrier for plan in plans]
+    is_car = [plan.config.roadside is None for plan in plans]
     contacts: list[list[object]] = []
     closures: list[list[object]] = []
-    stage = _stage(first) if sensor is not None else None
+    stage = _stage(first) if sensor is not None and sum(is_car) > 1 else None
     for done, (a, b) in enumerate(pairs):
         relative = relative_motion(timelines[a], timelines[b], stamps)
-        path = folder / f"car{a + 1}_car{b + 1}.tum"
+        path, pair = folder / f"{names[a]}_{names[b]}.tum", [names[a], names[b]]
         if not path.exists():
             write_tum(path, relative, epoch_ns=DEFAULT_EPOCH_NS)
-        contacts += [[a + 1, b + 1, *row] for row in contact_times(relative, radio_range_m)]
-        if stage is not None and sensor is not None:
+        contacts += [[*pair, *row] for row in contact_times(relative, radio_range_m)]
+        if stage is not None and sensor is not None and is_car[a] and is_car[b]:
             found = true_closures(stage.rays(), sensor, (timelines[a], timelines[b]), first.span_ns)
-            closures += [[a + 1, b + 1, *row] for row in found]
+            closures += [[*pair, *row] for row in found]
         report(done + 1, len(pairs))
     write_csv(folder / "radio.csv", ["car_a", "car_b", "begin_ns", "end_ns", "nearest_m"], contacts)
     if stage is None:
         return BetweenCars(folder=folder, closures=None)
     stage.close()
-    names = ["car_a", "car_b", "stamp_a_ns", "stamp_b_ns", *_POSE, "of_a", "of_b", "overlap"]
-    write_csv(folder / "closures.csv", names, closures)
+    columns = ["car_a", "car_b", "stamp_a_ns", "stamp_b_ns", *_POSE, "of_a", "of_b", "overlap"]
+    write_csv(folder / "closures.csv", columns, closures)
     return BetweenCars(folder=folder, closures=len(closures))
 
 

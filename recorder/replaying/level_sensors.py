@@ -25,6 +25,7 @@ from recorder.episode.episode_town import town_of
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import first_pictures_ns
 from recorder.replaying.recipe import Recipe
+from recorder.replaying.roadside import timeline_of
 from recorder.replaying.spool import Order
 
 
@@ -62,7 +63,7 @@ class LevelSensors:
         self._weathers = list(dict.fromkeys(condition.weather for condition in conditions))
         self._weather_of = [self._weathers.index(condition.weather) for condition in conditions]
         episode = Episode.load(recipe.episode, car=recipe.car)
-        self._timeline = level.select(episode.timeline())
+        self._timeline = level.select(timeline_of(episode, recipe.roadside))
         # No other reference to the town remains, so that the stage can release its meshes.
         self._stage = SensorStage(
             town_of(episode, recipe.town)
@@ -71,6 +72,7 @@ class LevelSensors:
             seed=recipe.seed,
             weather=self._weathers[0],
             quality=recipe.quality,
+            ego_body=recipe.roadside is None,
         )
         self._rig = recipe.rig.build(self._stage)
         self._objects = _object_truth(recipe.rig, self._stage) if truth else objects_at

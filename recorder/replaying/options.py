@@ -18,6 +18,7 @@ from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.weather.schedule import WeatherSchedule, weather_of
 from recorder.dataset.layout import FORMATS, check_formats
+from recorder.replaying.roadside import RoadsideUnit
 from recorder.writers.topic_profiles import profile_by_name
 
 
@@ -85,6 +86,8 @@ class ReplayConfig(ReplayOptions):
     """Folder of the dataset; must not hold these sequences yet."""
     car: int = 1
     """Number of the car that carries the rig [from 1 on]."""
+    roadside: RoadsideUnit | None = None
+    """Fixed unit that carries the rig in place of a car."""
     start_s: float = 0.0
     """Beginning of the stretch [s]."""
     duration_s: float | None = None
@@ -103,12 +106,17 @@ class ReplayConfig(ReplayOptions):
         if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
             raise ConfigError("start must not be negative and duration must be above zero")
 
+    @property
+    def carrier(self) -> str:
+        """Name of the car or unit that carries the rig, as its folder has it."""
+        return f"car{self.car}" if self.roadside is None else self.roadside.name
 
-def own_seed(seed: int, car: int) -> int:
-    """Seed of a car's noise: a drive's own for the first, others for the others."""
-    if car == 1:
+
+def own_seed(seed: int, carrier: str) -> int:
+    """Seed of a carrier's noise: a drive's own for the first car, others for the others."""
+    if carrier == "car1":
         return seed
-    return int.from_bytes(hashlib.blake2b(f"{seed}/car{car}".encode(), digest_size=4).digest(), "big") >> 1
+    return int.from_bytes(hashlib.blake2b(f"{seed}/{carrier}".encode(), digest_size=4).digest(), "big") >> 1
 
 
 def rig_of(config: ReplayOptions) -> SensorRig:

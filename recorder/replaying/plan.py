@@ -26,6 +26,7 @@ from recorder.replaying.conditions import conditions_of
 from recorder.replaying.cost import ReplayCost, replay_cost
 from recorder.replaying.options import ReplayConfig, own_seed, rig_of, without_unwritten
 from recorder.replaying.recipe import Recipe, Unit, units_of
+from recorder.replaying.roadside import timeline_of
 from recorder.writers.stream_sizes import Stretch
 
 
@@ -108,7 +109,7 @@ class ReplayPlan:
             "town": f"{self.town.name} {self.town.source_hash}",
             "episode": self.origin["episode"]["sha256"],
             "rig": repr(self.rig),
-            "car": repr(recipe.car),
+            "car": repr(recipe.roadside or recipe.car),
             "stretch": repr((self.span_ns, recipe.camera_ns)),
             "set of conditions": repr(recipe.conditions),
             "set of formats": repr(
@@ -155,13 +156,14 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     rig = replace(rig, faults=Faults())
     conditions = conditions_of(config.weathers, config.traffic, faults)
     episode = Episode.load(config.episode, car=config.car)
-    timeline = episode.timeline()
+    town, roadside = town_id_of(episode, config.map), config.roadside
+    timeline = timeline_of(episode, roadside)
     span, cameras = _spans(config, timeline)
-    town = town_id_of(episode, config.map)
-    seed = own_seed(episode.header.seed if config.seed is None else config.seed, config.car)
+    seed = own_seed(episode.header.seed if config.seed is None else config.seed, config.carrier)
     recipe = Recipe(
         episode=config.episode.resolve(),
         car=config.car,
+        roadside=roadside,
         town=town.source.resolve(),
         conditions=conditions,
         rig=without_unwritten(rig, config.formats, config.topics),
@@ -181,7 +183,10 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
         timeline=timeline,
         town=town,
         span_ns=span,
-        origin=drive_origin(episode, rig.believed(faults), seed=seed, span_ns=span, topics=config.topics),
+        origin=drive_origin(
+            episode, rig.believed(faults), seed=seed, span_ns=span, topics=config.topics,
+            roadside=None if roadside is None else roadside.to_mapping(),
+        ),
     )
     if config.cluster is None:
         weathers = len(conditions) // len(recipe.levels)

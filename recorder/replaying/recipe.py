@@ -14,6 +14,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.conditions import Condition
+from recorder.replaying.roadside import RoadsideUnit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +25,8 @@ class Recipe:
     """The drive, absolute path."""
     car: int = 1
     """Car that carries the rig, from 1."""
+    roadside: RoadsideUnit | None = None
+    """Fixed unit that carries it in place of a car."""
     town: Path
     """OpenDRIVE file of its town, absolute path."""
     conditions: tuple[Condition, ...]

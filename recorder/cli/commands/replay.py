@@ -47,6 +47,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of a drive of several cars, the one that carries the rig, or all: in OUT/car<N> (default: the "
         "first, in OUT)",
     )  # fmt: skip
+    parser.add_argument(
+        "--roadside", action="append", default=[], metavar="X,Y,Z,YAW[,RIG]",
+        help="a fixed unit beside the cars, in OUT/roadside<N>: place in the world [m], direction [deg] and "
+        "rig (default: --rig); may be repeated; without --car, of all cars",
+    )  # fmt: skip
     option(parser, "--radio-range", number, "M", "cars hear each other so far [m], with --car all", 70.0)
     parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
 
@@ -70,10 +75,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         duration_s=arguments.duration, camera_start_s=arguments.camera_start,
         camera_duration_s=arguments.camera_duration, car=1,
     )  # fmt: skip
-    of_cars = _of_cars(config, arguments.car)
+    car = "all" if arguments.roadside and arguments.car is None else arguments.car
+    carried = [*_of_cars(config, car), *_of_units(config, arguments.roadside)]
     results: list[Any] = []
     known: list[ReplayCost] = []
-    replays = [seeded for of_car in of_cars for seeded in _of_noise_seeds(of_car, arguments.noise_seeds)]
+    replays = [seeded for one in carried for seeded in _of_noise_seeds(one, arguments.noise_seeds)]
 
     def announce(cost: ReplayCost) -> None:
         """Before the first replay, for all of them."""
@@ -93,7 +99,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     for replayed in replays:
         with Progress("replaying") as progress:
             results.append(replay(replayed, progress.update, announce=None if results else announce))
-    between = _between_cars(config, of_cars, arguments) if arguments.car == "all" else {}
+    between = _between_cars(config, carried, arguments) if car == "all" else {}
     samples: Counter[str] = Counter()
     for result in results:
         samples.update(result.samples)
@@ -116,16 +122,31 @@ def _of_cars(config: ReplayConfig, car: str | int | None) -> list[ReplayConfig]:
     return [replace(config, car=number, out=config.out / f"car{number}") for number in cars]
 
 
+def _of_units(config: ReplayConfig, texts: list[str]) -> list[ReplayConfig]:
+    """The replay of each fixed unit, in a folder of its own."""
+    from recorder.replaying.options import rig_of
+    from recorder.replaying.roadside import parse_roadside
+
+    parsed = [parse_roadside(text, number) for number, text in enumerate(texts, 1)]
+    units = [
+        replace(config, roadside=unit, rig=rig or config.rig, out=config.out / unit.name)
+        for unit, rig in parsed
+    ]
+    for one in units:
+        rig_of(one)
+    return units
+
+
 def _between_cars(
-    config: ReplayConfig, of_cars: list[ReplayConfig], arguments: argparse.Namespace
+    config: ReplayConfig, carried: list[ReplayConfig], arguments: argparse.Namespace
 ) -> dict[str, Any]:
-    """Write the truth between cars, where there are several."""
-    if len(of_cars) < 2:
+    """Write the truth between cars and units, where there are several."""
+    if len(carried) < 2:
         return {}
     from recorder.laboratory.between_cars import write_between_cars
     from recorder.replaying.plan import plan_replay
 
-    plans = [plan_replay(of_car) for of_car in of_cars]
+    plans = [plan_replay(one) for one in carried]
     with Progress("pairs of cars") as progress:
         written = write_between_cars(
             plans, config.out, radio_range_m=arguments.radio_range, report=progress.update
