@@ -239,7 +239,7 @@ def add_replay_options(
         default=("rosbag1", "euroc"),
         metavar="A,B",
         help="rosbag1, rosbag1_lz4, rosbag1_bz2, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec, nuscenes, "
-        "colmap, doppler_icp, rinex, raw (default: rosbag1,euroc)",
+        "opv2v, colmap, doppler_icp, rinex, raw (default: rosbag1,euroc)",
     )
     parser.add_argument(
         "--topics",

@@ -6,7 +6,7 @@ DIR/TOWN/calibration/  ground_truth/                  shared by all sequences of
 DIR/TOWN/WEATHER_TRAFFIC/sequence.yaml  SHA256SUMS    one sequence: its description, its checksums,
     preview.mp4  preview.png                          a film, and one of its images,
     bags, mav0/, kitti/, dsec/, nuscenes/, colmap/,   and its data, in the formats of `FORMATS`
-    doppler_icp/, gnss/, raw/
+    opv2v/, doppler_icp/, gnss/, raw/
 ```
 """
 
@@ -55,6 +55,9 @@ FORMATS = {
     ),
     "nuscenes": Format(
         about="nuScenes v1.0: samples with boxes and labels, sweeps, a mask of the map", place="nuscenes"
+    ),
+    "opv2v": Format(
+        about="OPV2V: clouds, boxes and poses of each agent in CARLA's axes, for OpenCOOD", place="opv2v"
     ),
     "colmap": Format(
         about="COLMAP and nerfstudio: pictures, exact poses, seed points, masks, clean plates", place="colmap"

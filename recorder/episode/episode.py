@@ -187,9 +187,7 @@ class Episode:
 
             cars = DrivenCars(self.car_ids, [_tracks(rows) for rows in self.egos], int(Tag.CAR))
             unit = {} if T_world_unit is None else _fixed(T_world_unit, len(self.ego))
-            timeline = Timeline(
-                self.header.catalog, cars=cars, own=None if unit else self.car - 1, **unit
-            )
+            timeline = Timeline(self.header.catalog, cars=cars, own=None if unit else self.car - 1, **unit)
         else:
             track, car = _tracks(self.ego)
             timeline = Timeline(self.header.catalog, ego=track, car=car)

@@ -33,7 +33,7 @@ events, a panel of the film [s]; by the figures of docs/performance.md."""
 EVENT_BYTE_S = 2e-8
 BYTE_S = {
     "rosbag1": 7e-9, "rosbag1_lz4": 1.2e-8, "rosbag1_bz2": 2e-7, "rosbag2": 1.6e-8, "rosbag2_sqlite3": 9e-9,
-    "euroc": 6e-8, "kitti": 5e-8, "dsec": 3e-8, "nuscenes": 4e-8, "colmap": 6e-8, "raw": 8e-8,
+    "euroc": 6e-8, "kitti": 5e-8, "dsec": 3e-8, "nuscenes": 4e-8, "opv2v": 4e-8, "colmap": 6e-8, "raw": 8e-8,
     "compact": 3e-7, "doppler_icp": 5e-8, "rinex": 5e-8,
 }  # fmt: skip
 """The same of a byte of events, of a byte of a format, and of one of the topics `compact` in a bag [s]."""

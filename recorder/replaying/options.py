@@ -63,7 +63,7 @@ class ReplayOptions:
         # Workers may have another folder of work.
         object.__setattr__(self, "topics", absolute_word(self.topics))
         profile_by_name(self.topics)
-        made = sorted({"kitti", "dsec", "nuscenes", "colmap", "doppler_icp"} & set(self.formats))
+        made = sorted({"kitti", "dsec", "nuscenes", "opv2v", "colmap", "doppler_icp"} & set(self.formats))
         if self.faults.calibration and made:
             raise ConfigError(
                 f"{made[0]} computes with the calibration, which has faults here; take a rosbag"

@@ -164,6 +164,7 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
         episode=config.episode.resolve(),
         car=config.car,
         roadside=roadside,
+        agent=episode.car_ids[config.car - 1] if roadside is None else -roadside.number,
         town=town.source.resolve(),
         conditions=conditions,
         rig=without_unwritten(rig, config.formats, config.topics),
@@ -184,7 +185,11 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
         town=town,
         span_ns=span,
         origin=drive_origin(
-            episode, rig.believed(faults), seed=seed, span_ns=span, topics=config.topics,
+            episode,
+            rig.believed(faults),
+            seed=seed,
+            span_ns=span,
+            topics=config.topics,
             roadside=None if roadside is None else roadside.to_mapping(),
         ),
     )

@@ -27,6 +27,8 @@ class Recipe:
     """Car that carries the rig, from 1."""
     roadside: RoadsideUnit | None = None
     """Fixed unit that carries it in place of a car."""
+    agent: int = 1
+    """Number of that car as an actor of others; negative for a unit."""
     town: Path
     """OpenDRIVE file of its town, absolute path."""
     conditions: tuple[Condition, ...]

@@ -33,6 +33,7 @@ from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
 from recorder.writers.formats.euroc_states import write_state_csv
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
 from recorder.writers.formats.nuscenes import NuscenesEncoder, NuscenesWriter
+from recorder.writers.formats.opv2v import Opv2vEncoder, Opv2vWriter
 from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter, shown_streams
 from recorder.writers.formats.raw import RawEncoder, RawWriter
 from recorder.writers.formats.rinex import RinexEncoder, RinexWriter
@@ -110,6 +111,9 @@ def outputs_of(
             nuscenes = NuscenesEncoder(calibration, streams)
             options = {"ground": partial(_ground, recipe, condition), "about": about}
             outputs.append(Output(nuscenes, NuscenesWriter, path, options))
+        elif name == "opv2v":
+            options = {"ground": partial(_ground, recipe, condition), "about": about, "agent": recipe.agent}
+            outputs.append(Output(Opv2vEncoder(calibration, streams), Opv2vWriter, path, options))
         elif name == "doppler_icp":
             outputs.append(Output(DopplerIcpEncoder(calibration, streams), DopplerIcpWriter, path))
         elif name == "colmap":

@@ -61,6 +61,7 @@ FILE_BYTES: dict[str, dict[type[Sample], Size]] = {
     "kitti": {Image: _COLOUR, PointCloud: 20.0},
     "dsec": {Events: 0.4, DepthImage: 0.2},
     "nuscenes": {Image: (0.268, 0.22, 0.111, 0.388), PointCloud: 20.0},
+    "opv2v": {Image: (0.55, 0.49, 0.37, 0.9), PointCloud: 8.0},
     "colmap": {Image: _COLOUR, DepthImage: 0.28, SemanticImage: 0.01},
     "doppler_icp": {PointCloud: 16.0},
     "rinex": {},
@@ -167,7 +168,7 @@ def stream_sizes(
         yield StreamSize(name, None, other * len(skies), other, is_sure=False)
         for kind, stream, count, fired in streams:
             # Of a LiDAR's two clouds, these hold the one with labels.
-            if name in ("kitti", "nuscenes", "doppler_icp") and f"{stream}_semantic" in names:
+            if name in ("kitti", "nuscenes", "opv2v", "doppler_icp") and f"{stream}_semantic" in names:
                 continue
             for number, sky in enumerate(skies):
                 whole, packed = _element_bytes(profiles, name, kind, stream, names, sky)

@@ -1,39 +1,51 @@
-"""Several cars from drive to score, and in an imported town."""
+"""Several cars and a unit by the road, from drive to files and scores."""
 
 import csv
 import json
 from pathlib import Path
 
 import numpy as np
+import open3d as o3d
 import pytest
 import yaml
-from shared_fixtures.worlds.imported_towns import made
-from shared_fixtures.worlds.street_sketches import Sketch
+from rosbags.highlevel import AnyReader
+from shared_fixtures.readings.bag_samples import points_of
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.scene.mesh import EGO_INSTANCE
 from recorder.cli.main import main
-from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
 from recorder.evaluation.trajectory_files import read_tum
+from recorder.replaying.options import own_seed
 
+HALF_M, MIDDLE_M = 0.5 * np.array(EGO_SIZE_M), EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
+
+UNIT = (140.0, -56.0, 3.5, -20.0)
 RIG = {
     "name": "lean",
     "sensors": [
         {"kind": "imu", "mount": {"position_m": [1.4, 0.0, 1.5]}},
-        {"kind": "lidar", "mount": {"position_m": [1.4, 0.0, 1.9]}, "columns": 360},
+        {
+            "kind": "lidar",
+            "mount": {"position_m": [1.4, 0.0, 1.9]},
+            "columns": 360,
+            "outputs": ["cloud", "semantic"],
+        },
     ],
 }
 
 
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two cars, nine seconds, replayed for both, and scored."""
+    """Two cars, nine seconds, replayed for both and for a unit by their road."""
     folder = tmp_path_factory.mktemp("fleet")
     (folder / "lean.yaml").write_text(yaml.safe_dump(RIG))
     drive = ["record", "--map", "Town01", "--cars", "2", "--overlap", "1", "--traffic", "static"]
     assert main([*drive, "--duration", "9", "--seed", "3", "--out", str(folder / "two.mcap")]) == 0
     replayed = ["replay", str(folder / "two.mcap"), "--out", str(folder / "data"), "--car", "all"]
-    asked = ["--rig", str(folder / "lean.yaml"), "--traffic", "empty", "--format", "rosbag2", "--start", "2"]
+    asked = ["--rig", str(folder / "lean.yaml"), "--traffic", "empty", "--start", "2"]
+    asked += ["--format", "rosbag2,opv2v", "--one-bag", "--roadside", ",".join(map(str, UNIT))]
     assert main([*replayed, *asked, "--no-preview", "--workers", "1"]) == 0
     return folder
 
@@ -105,31 +117,150 @@ def test_systems_are_scored_together(fleet: Path, capsys: pytest.CaptureFixture[
     assert (fleet / "scores" / "cars.csv").is_file()
 
 
-def test_a_single_car_can_be_asked_for_and_others_are_refused(fleet: Path) -> None:
-    """`--car 3` of two names what there is."""
-    replayed = ["replay", str(fleet / "two.mcap"), "--out", str(fleet / "third"), "--car", "3"]
-    assert main([*replayed, "--rig", str(fleet / "lean.yaml"), "--format", "rosbag2"]) == 1
+def test_what_cannot_be_written_is_refused(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--car 3` of two, one bag of one car, and a unit in other words: a line each, and nothing is written."""
+    replayed = ["replay", str(fleet / "two.mcap"), "--out", str(fleet / "third")]
+    replayed += ["--rig", str(fleet / "lean.yaml")]
+    for more, words in (
+        (["--car", "3", "--format", "rosbag2"], "has no car 3; give 1 to 2"),
+        (["--car", "2", "--format", "rosbag2", "--one-bag"], "needs several; give --car all"),
+        (["--car", "all", "--format", "kitti", "--one-bag"], "needs a format of bags"),
+        (["--roadside", "1,2,3", "--format", "rosbag2"], "give x,y,z [m], yaw [deg]"),
+        (["--roadside", "1,2,3,4,no_rig", "--format", "rosbag2"], "no_rig"),
+    ):
+        assert main([*replayed, *more]) == 1
+        (line,) = capsys.readouterr().err.strip().splitlines()
+        assert words in line
     assert not (fleet / "third").exists()
 
 
-def test_three_cars_in_an_imported_town_do_not_touch_each_other(tmp_path: Path) -> None:
-    """A minute of three cars on streets of OpenStreetMap, among traffic."""
-    sketch = Sketch()
-    sketch.way((-260.0, 0.0), (0.0, 0.0), (260.0, 20.0), highway="secondary", name="High Street")
-    sketch.way((0.0, -220.0), (0.0, 0.0), (30.0, 230.0), highway="residential", name="Mill Lane")
-    sketch.way((-120.0, 0.0), (-110.0, 90.0), (12.0, 88.0), highway="residential", name="Back Lane")
-    made(sketch, tmp_path)
-    out = tmp_path / "three.mcap"
-    config = RecordConfig(map=str(tmp_path / "town.xodr"), out=out, cars=3, duration_s=60.0, seed=2)
-    result = record(config)
-    assert len(result.cars) == 3
-    assert all(car["driven_m"] > 20.0 for car in result.cars)
-    episode = Episode.load(out)
-    ids = {str(car["id"]) for car in episode.header.cars}
-    touches = [
-        event.data["with"]
-        for number in (1, 2, 3)
-        for event in episode.of_car(number).events
-        if event.kind == "collision"
+def clouds_of(bag: Path, topic: str) -> list[tuple[int, np.ndarray]]:
+    """Stamps [ns] and points of the messages of a topic."""
+    found = []
+    with AnyReader([bag]) as reader:
+        for connection, _, raw in reader.messages([c for c in reader.connections if c.topic == topic]):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            points, _ = points_of(message)
+            found.append((stamp.sec * 10**9 + stamp.nanosec, points))
+    return found
+
+
+def test_a_unit_by_the_road_stands_still_and_sees_both_cars(fleet: Path) -> None:
+    """Constant truth on the cars' clock, noise of its own, and points on both cars where their truth has them."""
+    folder = fleet / "data" / "roadside1" / "Town01"
+    truth = read_tum(folder / "ground_truth" / "base_link.tum")
+    paths = [fleet / "data" / f"car{k}" / "Town01" / "ground_truth" / "base_link.tum" for k in (1, 2)]
+    cars = [read_tum(path) for path in paths]
+    np.testing.assert_array_equal(truth.stamp_ns, cars[0].stamp_ns)
+    np.testing.assert_allclose(truth.position_m, np.tile(UNIT[:3], (len(truth), 1)), atol=1e-6)
+    headings = transforms.quat_to_rpy(truth.quat_xyzw)[:, 2]
+    np.testing.assert_allclose(np.degrees(headings), UNIT[3], atol=1e-6)
+    drive = yaml.safe_load((fleet / "data" / "roadside1" / "dataset.yaml").read_text())["drives"]["Town01"]
+    assert drive["roadside"] == {"position_m": list(UNIT[:3]), "yaw_deg": UNIT[3]}
+    assert drive["noise_seed"] not in (3, own_seed(3, "car2"))
+    T_unit = transforms.transform(np.array(UNIT[:3]), transforms.rpy_to_quat(0, 0, np.radians(UNIT[3])))
+    T_unit_lidar = transforms.transform(np.array([1.4, 0.0, 1.9]), np.array([0.0, 0.0, 0.0, 1.0]))
+    ids = Episode.load(fleet / "two.mcap").car_ids
+    hits = [0, 0]
+    clouds = clouds_of(folder / "ClearNoon_empty" / "ClearNoon_empty_ros2", "/lidar/points")
+    for stamp, points in clouds:
+        assert not np.any(points["id"] == EGO_INSTANCE)
+        for k, car in enumerate(cars):
+            rows = points[points["id"] == ids[k]]
+            at = np.minimum(np.searchsorted(car.stamp_ns, stamp + rows["time"] * 1e9), len(car) - 1)
+            xyz = np.stack([rows[name] for name in "xyz"], axis=-1).astype(np.float64)
+            world = transforms.apply(T_unit @ T_unit_lidar, xyz)
+            local = transforms.quat_rotate(
+                transforms.quat_conjugate(car.quat_xyzw[at]), world - car.position_m[at]
+            )
+            # 2 cm of noise along the ray, and 5 ms of driving at 8 m/s.
+            assert np.all(np.abs(local - [MIDDLE_M, 0.0, 0.5 * EGO_SIZE_M[2]]) < HALF_M + 0.14)
+            hits[k] += len(rows)
+    assert min(hits) > 100
+    rows = list(csv.DictReader((fleet / "data" / "between_cars" / "radio.csv").open()))
+    assert {(row["car_a"], row["car_b"]) for row in rows} >= {("car1", "car2"), ("car1", "roadside1")}
+
+
+def test_one_bag_holds_the_messages_of_all_bags(fleet: Path) -> None:
+    """Every message of each bag, byte for byte, below its car's name, in the order of time."""
+    name = "ClearNoon_empty"
+    with AnyReader([fleet / "data" / "all_cars" / "Town01" / name / f"{name}_ros2"]) as reader:
+        joined: dict[str, list[tuple[int, bytes]]] = {}
+        stamps = []
+        for connection, at_ns, raw in reader.messages():
+            joined.setdefault(connection.topic, []).append((at_ns, raw))
+            stamps.append(at_ns)
+        latched = [c.ext.offered_qos_profiles for c in reader.connections if c.topic == "/car2/tf_static"]
+    assert stamps == sorted(stamps)
+    for carrier in ("car1", "car2", "roadside1"):
+        with AnyReader([fleet / "data" / carrier / "Town01" / name / f"{name}_ros2"]) as reader:
+            own: dict[str, list[tuple[int, bytes]]] = {}
+            for connection, at_ns, raw in reader.messages():
+                own.setdefault(connection.topic, []).append((at_ns, raw))
+            if carrier == "car2":
+                alone = [c.ext.offered_qos_profiles for c in reader.connections if c.topic == "/tf_static"]
+                assert latched == alone
+        assert len(own["/lidar/points"]) > 100
+        for topic, messages in own.items():
+            assert joined.pop(f"/{carrier}{topic}") == messages
+    assert not joined
+
+
+def x_to_world(pose: list[float]) -> np.ndarray:
+    """OpenCOOD's matrix of a pose in CARLA's axes: the product of yaw, pitch and roll in its signs."""
+    x, y, z, roll, yaw, pitch = pose
+    cy, sy, cr, sr, cp, sp = (f(np.radians(a)) for a in (yaw, roll, pitch) for f in (np.cos, np.sin))
+    return np.array([
+        [cp * cy, cy * sp * sr - sy * cr, -cy * sp * cr - sy * sr, x],
+        [sy * cp, sy * sp * sr + cy * cr, -sy * sp * cr + cy * sr, y],
+        [sp, -cp * sr, cp * cr, z],
+        [0.0, 0.0, 0.0, 1.0],
+    ])  # fmt: skip
+
+
+def test_agents_of_opv2v_agree_in_carlas_world(fleet: Path) -> None:
+    """Common frames; clouds, boxes and places of all agents, brought into one world by OpenCOOD's formula."""
+    (scenario,) = (path for path in (fleet / "data" / "opv2v").iterdir() if path.is_dir())
+    assert (scenario / "data_protocol.yaml").is_file()
+    ids = Episode.load(fleet / "two.mcap").car_ids
+    agents = sorted(path.name for path in scenario.iterdir() if path.is_dir())
+    assert agents == ["-1", *map(str, ids)]
+    frames = [sorted(file.stem for file in (scenario / agent).glob("*.yaml")) for agent in agents]
+    assert frames[0] == frames[1] == frames[2]
+    assert frames[0][:2] == ["00040", "00042"]
+    truths = [
+        read_tum(fleet / "data" / f"car{k}" / "Town01" / "ground_truth" / "base_link.tum") for k in (1, 2)
     ]
-    assert not ids.intersection(touches)
+    seen = 0
+    for frame in frames[0][::5]:
+        tables = {agent: yaml.safe_load((scenario / agent / f"{frame}.yaml").read_text()) for agent in agents}
+        places = {agent: table["true_ego_pos"] for agent, table in tables.items()}
+        row = (int(frame) - 40) * 10
+        for truth, car in zip(truths, ids, strict=True):
+            x, y, z = truth.position_m[row]
+            _, _, yaw = np.degrees(transforms.quat_to_rpy(truth.quat_xyzw[row]))
+            ahead = MIDDLE_M * np.array([np.cos(np.radians(yaw)), np.sin(np.radians(yaw))])
+            np.testing.assert_allclose(places[str(car)][:2], [x + ahead[0], -(y + ahead[1])], atol=1e-3)
+            assert (places[str(car)][4] + yaw + 180.0) % 360.0 == pytest.approx(180.0, abs=1e-3)
+        for agent, table in tables.items():
+            cloud = o3d.io.read_point_cloud(str(scenario / agent / f"{frame}.pcd"))
+            red = np.asarray(cloud.colors)[:, 0]
+            assert 0.0 <= red.min() < red.max() <= 1.0
+            points = np.asarray(cloud.points)
+            world = (x_to_world(table["lidar_pose"]) @ np.c_[points, np.ones(len(points))].T).T[:, :3]
+            assert agent not in map(str, table["vehicles"])
+            for number, box in table["vehicles"].items():
+                # OpenCOOD's box: `center` added to `location` in the world.
+                pose = [*np.add(box["location"], box["center"]), *box["angle"]]
+                np.testing.assert_allclose(pose[:2], places[str(number)][:2], atol=0.02)
+                np.testing.assert_allclose(pose[3:], places[str(number)][3:], atol=0.2)
+                np.testing.assert_allclose(box["extent"], HALF_M, atol=1e-3)
+                local = (np.linalg.inv(x_to_world(pose)) @ np.c_[world, np.ones(len(world))].T).T[:, :3]
+                inside = np.all(np.abs(local) < HALF_M + 0.06, axis=1)
+                assert inside.any()
+                # Nothing hangs behind or before a car that has moved meanwhile.
+                near = np.all(np.abs(local) < HALF_M + [0.6, 0.4, -0.1], axis=1)
+                assert inside[near].mean() > 0.99
+                seen += int(inside.sum())
+    assert seen > 1000

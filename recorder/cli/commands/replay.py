@@ -52,6 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a fixed unit beside the cars, in OUT/roadside<N>: place in the world [m], direction [deg] and "
         "rig (default: --rig); may be repeated; without --car, of all cars",
     )  # fmt: skip
+    text = "besides, one bag of all cars in OUT/all_cars, with topics below /car1, /car2, …"
+    parser.add_argument("--one-bag", action="store_true", help=text)
     option(parser, "--radio-range", number, "M", "cars hear each other so far [m], with --car all", 70.0)
     parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
 
@@ -69,6 +71,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.replaying.options import ReplayConfig, rig_of, snow_notes
     from recorder.replaying.replay import replay
     from recorder.replaying.start_at_rest import motion_at_start_of
+    from recorder.replaying.together import check_one_bag, write_together
 
     config = config_of(
         ReplayConfig, arguments, **replay_options(arguments), start_s=arguments.start,
@@ -77,7 +80,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     )  # fmt: skip
     car = "all" if arguments.roadside and arguments.car is None else arguments.car
     carried = [*_of_cars(config, car), *_of_units(config, arguments.roadside)]
-    results: list[Any] = []
+    if arguments.one_bag:
+        check_one_bag(carried)
+    results: dict[ReplayConfig, Any] = {}
     known: list[ReplayCost] = []
     replays = [seeded for one in carried for seeded in _of_noise_seeds(one, arguments.noise_seeds)]
 
@@ -98,15 +103,18 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
     for replayed in replays:
         with Progress("replaying") as progress:
-            results.append(replay(replayed, progress.update, announce=None if results else announce))
+            announcing = None if results else announce
+            results[replayed] = replay(replayed, progress.update, announce=announcing)
     between = _between_cars(config, carried, arguments) if car == "all" else {}
+    together = write_together(config.out, carried, results, one_bag=arguments.one_bag)
     samples: Counter[str] = Counter()
-    for result in results:
+    for result in results.values():
         samples.update(result.samples)
     return {
         "out": str(arguments.out),
-        "sequences": [str(path) for result in results for path in result.sequences],
-        "ground_truth": str(results[0].ground_truth),
+        "sequences": [str(path) for result in results.values() for path in result.sequences],
+        **({"together": [str(path) for path in together]} if together else {}),
+        "ground_truth": str(next(iter(results.values())).ground_truth),
         "samples": dict(sorted(samples.items())),
         **between,
     }
@@ -168,7 +176,7 @@ def _of_noise_seeds(config: ReplayConfig, count: int) -> list[ReplayConfig]:
 
 def show(result: dict[str, Any]) -> None:
     """Print what was written."""
-    for path in result["sequences"]:
+    for path in (*result["sequences"], *result.get("together", ())):
         print(path)
     if "between_cars" in result:
         closures = "" if result["closures"] is None else f"  ({result['closures']} closures)"

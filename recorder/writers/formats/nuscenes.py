@@ -35,6 +35,7 @@ from recorder.writers.formats.nuscenes_tables import (
     place_of,
     write_table,
 )
+from recorder.writers.formats.sweep_points import POINT, at_stamp, point_rows
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
 
 if TYPE_CHECKING:
@@ -44,11 +45,6 @@ SAMPLE_NS, SCENE_NS = 500_000_000, 20_000_000_000
 """Time between samples, and length of a scene [ns]."""
 JPEG_QUALITY = 95
 """Quality of images."""
-_POINT = np.dtype(
-    [("xyz", "<f4", 3), ("intensity", "<f4"), ("ring", "<f4"), ("offset_ns", "<u4"), ("tag", "u1"),
-     ("instance", "<u4")]
-)  # fmt: skip
-"""A point before it is moved to its sweep's stamp."""
 _SECTORS = ("FRONT", "FRONT_LEFT", "BACK_LEFT", "BACK", "BACK_RIGHT", "FRONT_RIGHT")
 """Directions of sensors, by sixths of a turn to the left."""
 _RADAR = np.dtype(
@@ -126,13 +122,17 @@ class NuscenesEncoder(Encoder):
             return []
         place = self.channels[sample.sensor].name
         if isinstance(sample, PointCloud):
-            return [Piece(sample.stamp_ns, place, str(sample.sweep_ns), _point_rows(sample))]
+            return [Piece(sample.stamp_ns, place, str(sample.sweep_ns), point_rows(sample))]
         if isinstance(sample, RadarScan):
             return [Piece(sample.stamp_ns, place, str(TICK_NS), _radar_rows(sample))]
         if isinstance(sample, Image):
             rgb = self._undistorted(sample.rgb, self._cameras[sample.sensor])
-            return [Piece(sample.stamp_ns, place, "", jpeg_of(rgb, sample.sensor, JPEG_QUALITY))]
+            return [Piece(sample.stamp_ns, place, "", self._packed(rgb, sample.sensor))]
         return []
+
+    def _packed(self, rgb: U8, name: str) -> bytes:
+        """An image as its file."""
+        return jpeg_of(rgb, name, JPEG_QUALITY)
 
     def _undistorted(self, rgb: U8, camera: CameraCalibration) -> U8:
         """The image as the pinhole alone would see it; black where the lens sees nothing of it."""
@@ -141,15 +141,6 @@ class NuscenesEncoder(Encoder):
         if camera.name not in self._maps:
             self._maps[camera.name] = camera.lens.undistortion_px(camera.pinhole, camera.pinhole)
         return np.asarray(cv2.remap(rgb, *self._maps[camera.name], cv2.INTER_LINEAR), np.uint8)
-
-
-def _point_rows(sample: PointCloud) -> bytes:
-    rows = np.zeros(len(sample.ring), _POINT)
-    rows["xyz"], rows["intensity"], rows["ring"] = sample.points_xyz_m, sample.intensity, sample.ring
-    rows["offset_ns"] = sample.offset_ns
-    if sample.tag is not None and sample.instance is not None:
-        rows["tag"], rows["instance"] = sample.tag, sample.instance
-    return rows.tobytes()
 
 
 def _radar_rows(sample: RadarScan) -> bytes:
@@ -239,11 +230,9 @@ class NuscenesWriter(FollowingWriter):
 
     def _put_cloud(self, piece: Piece, lidar: Channel, T_world_base: Array, us: int) -> bytes:
         """Points at the sweep's stamp; the boxes and labels of a sample."""
-        rows, stamp_ns = np.frombuffer(piece.data, _POINT), piece.stamp_ns
+        rows, stamp_ns = np.frombuffer(piece.data, POINT), piece.stamp_ns
         self._tracks.forget_before(stamp_ns - STEP_NS)
-        seen_ns = stamp_ns + rows["offset_ns"].astype(np.int64)
-        world = self._path.to_world(rows["xyz"].astype(np.float64), seen_ns, lidar.T_ego_sensor)
-        world = self._tracks.brought_to(stamp_ns, world, seen_ns, rows["instance"])
+        world = at_stamp(piece, rows, self._path, self._tracks, lidar.T_ego_sensor)
         T_world_lidar = T_world_base @ lidar.T_ego_sensor
         points = np.empty((len(rows), 5), "<f4")
         points[:, :3] = transforms.apply(transforms.invert(T_world_lidar), world)

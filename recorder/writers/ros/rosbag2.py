@@ -30,7 +30,7 @@ STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 """Ways to store a bag."""
 METADATA = "carlaloc_sequence"
 """Name of MCAP's metadata record with the conditions of a sequence."""
-_VERSION: Literal[8] = 8
+VERSION: Literal[8] = 8
 """Version of ``metadata.yaml``, the last one that Humble and Iron read; Jazzy and later read it, too.
 
 In version 9 the quality of service is a list of words, where Humble's yaml-cpp wants a text with numbers.
@@ -105,7 +105,7 @@ class Rosbag2Writer(BagWriter):
     def _begin(self, part: Path) -> None:
         part.mkdir(parents=True)
         # The library names files after the folder, which has another name until it is whole.
-        self._bag = McapBag(part / self.target.name, version=_VERSION, storage_plugin=self._storage)
+        self._bag = McapBag(part / self.target.name, version=VERSION, storage_plugin=self._storage)
         for name, text in self._about.items():
             self._bag.set_custom_data(name, text)
         self._bag.open()
