@@ -37,6 +37,9 @@ from recorder.evaluation.align import Alignment as Alignment
 from recorder.evaluation.evaluate import evaluate as evaluate
 from recorder.evaluation.evaluation_result import EvaluationResult as EvaluationResult
 from recorder.evaluation.metrics import Metric as Metric
+from recorder.evaluation.together import TogetherResult as TogetherResult
+from recorder.evaluation.together import evaluate_together as evaluate_together
+from recorder.evaluation.together import set_out_at as set_out_at
 from recorder.evaluation.trajectory import Trajectory as Trajectory
 from recorder.evaluation.trajectory_files import read_tum as read_tum
 from recorder.evaluation.trajectory_files import write_tum as write_tum

@@ -10,7 +10,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.layout import SequenceFolder, sequences_below
-from recorder.dataset.manifest import SequenceDescription
+from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence
 from recorder.slam.system import System
 from recorder.streaming.drive import DriveConfig, DriveStream, describe_drives
@@ -110,13 +110,19 @@ def find_sequences(folder: Path, lidar: str | None = None) -> list[BenchmarkSequ
         lidar: Name of the LiDAR that is read; None: that of the rig's first.
 
     Raises:
-        ConfigError: there is none, or a description cannot be read.
+        ConfigError: there is none that moves, or a description cannot be read.
         EvaluationError: a rig has no such LiDAR.
     """
-    sequences = sequences_below(folder)
+    sequences = [one for one in sequences_below(folder) if not _is_fixed(one)]
     if not sequences:
         raise ConfigError(f"{folder} holds no sequence; give a folder that `carlaloc replay --out` wrote")
     return [_sequence(one.path, folder, lidar) for one in sequences]
+
+
+def _is_fixed(sequence: SequenceFolder) -> bool:
+    """Whether a unit by the road carries the sensors, so that there is no motion to find."""
+    drive = sequence.drive
+    return "roadside" in DatasetManifest.read(drive.dataset.path).drives.get(drive.path.name, {})
 
 
 def _sequence(path: Path, root: Path, lidar: str | None) -> BenchmarkSequence:

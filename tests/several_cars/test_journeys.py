@@ -9,7 +9,6 @@ import open3d as o3d
 import pytest
 import yaml
 from rosbags.highlevel import AnyReader
-from shared_fixtures.readings.bag_samples import points_of
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
@@ -19,6 +18,7 @@ from recorder.episode.episode import Episode
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.options import own_seed
 
+KINDS = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
 HALF_M, MIDDLE_M = 0.5 * np.array(EGO_SIZE_M), EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
 
 UNIT = (140.0, -56.0, 3.5, -20.0)
@@ -45,7 +45,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert main([*drive, "--duration", "9", "--seed", "3", "--out", str(folder / "two.mcap")]) == 0
     replayed = ["replay", str(folder / "two.mcap"), "--out", str(folder / "data"), "--car", "all"]
     asked = ["--rig", str(folder / "lean.yaml"), "--traffic", "empty", "--start", "2"]
-    asked += ["--format", "rosbag2,opv2v", "--one-bag", "--roadside", ",".join(map(str, UNIT))]
+    asked += ["--format", "rosbag2,opv2v,nuscenes", "--one-bag", "--roadside", ",".join(map(str, UNIT))]
     assert main([*replayed, *asked, "--no-preview", "--workers", "1"]) == 0
     return folder
 
@@ -118,7 +118,7 @@ def test_systems_are_scored_together(fleet: Path, capsys: pytest.CaptureFixture[
 
 
 def test_what_cannot_be_written_is_refused(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`--car 3` of two, one bag of one car, and a unit in other words: a line each, and nothing is written."""
+    """`--car 3` of two, one bag of one car, a unit in other words: a line each, nothing written."""
     replayed = ["replay", str(fleet / "two.mcap"), "--out", str(fleet / "third")]
     replayed += ["--rig", str(fleet / "lean.yaml")]
     for more, words in (
@@ -141,13 +141,18 @@ def clouds_of(bag: Path, topic: str) -> list[tuple[int, np.ndarray]]:
         for connection, _, raw in reader.messages([c for c in reader.connections if c.topic == topic]):
             message = reader.deserialize(raw, connection.msgtype)
             stamp = message.header.stamp
-            points, _ = points_of(message)
-            found.append((stamp.sec * 10**9 + stamp.nanosec, points))
+            kind = np.dtype({
+                "names": [field.name for field in message.fields],
+                "formats": [KINDS[field.datatype] for field in message.fields],
+                "offsets": [field.offset for field in message.fields],
+                "itemsize": message.point_step,
+            })  # fmt: skip
+            found.append((stamp.sec * 10**9 + stamp.nanosec, np.frombuffer(message.data, kind)))
     return found
 
 
 def test_a_unit_by_the_road_stands_still_and_sees_both_cars(fleet: Path) -> None:
-    """Constant truth on the cars' clock, noise of its own, and points on both cars where their truth has them."""
+    """Constant truth on the cars' clock, its own noise, and points on both cars where their truth is."""
     folder = fleet / "data" / "roadside1" / "Town01"
     truth = read_tum(folder / "ground_truth" / "base_link.tum")
     paths = [fleet / "data" / f"car{k}" / "Town01" / "ground_truth" / "base_link.tum" for k in (1, 2)]
@@ -238,7 +243,7 @@ def test_agents_of_opv2v_agree_in_carlas_world(fleet: Path) -> None:
         places = {agent: table["true_ego_pos"] for agent, table in tables.items()}
         row = (int(frame) - 40) * 10
         for truth, car in zip(truths, ids, strict=True):
-            x, y, z = truth.position_m[row]
+            x, y, _ = truth.position_m[row]
             _, _, yaw = np.degrees(transforms.quat_to_rpy(truth.quat_xyzw[row]))
             ahead = MIDDLE_M * np.array([np.cos(np.radians(yaw)), np.sin(np.radians(yaw))])
             np.testing.assert_allclose(places[str(car)][:2], [x + ahead[0], -(y + ahead[1])], atol=1e-3)
@@ -260,7 +265,32 @@ def test_agents_of_opv2v_agree_in_carlas_world(fleet: Path) -> None:
                 inside = np.all(np.abs(local) < HALF_M + 0.06, axis=1)
                 assert inside.any()
                 # Nothing hangs behind or before a car that has moved meanwhile.
-                near = np.all(np.abs(local) < HALF_M + [0.6, 0.4, -0.1], axis=1)
+                near = np.all(np.abs(local) < np.add(HALF_M, [0.6, 0.4, -0.1]), axis=1)
                 assert inside[near].mean() > 0.99
                 seen += int(inside.sum())
     assert seen > 1000
+
+
+def test_nuscenes_of_each_car_has_the_other_where_it_was(fleet: Path) -> None:
+    """Boxes in the tables of each car: the other one, by the truth of that one, at the sample's stamp."""
+    paths = [fleet / "data" / f"car{k}" / "Town01" / "ground_truth" / "base_link.tum" for k in (1, 2)]
+    truths = [read_tum(path) for path in paths]
+    for own, other in ((0, 1), (1, 0)):
+        folder = (
+            fleet / "data" / f"car{own + 1}" / "Town01" / "ClearNoon_empty" / "nuscenes" / "v1.0-trainval"
+        )
+        tables = {
+            name: json.loads((folder / f"{name}.json").read_text())
+            for name in ("sample", "sample_annotation", "ego_pose", "sample_data")
+        }
+        at_us = {sample["token"]: sample["timestamp"] for sample in tables["sample"]}
+        # The global frame is the world, moved by whole metres.
+        pose = tables["ego_pose"][0]
+        row = int(np.searchsorted(truths[own].stamp_ns, pose["timestamp"] * 1000))
+        origin = np.round(np.subtract(truths[own].position_m[row], pose["translation"]))
+        assert len(tables["sample_annotation"]) > 5
+        for box in tables["sample_annotation"]:
+            row = int(np.searchsorted(truths[other].stamp_ns, at_us[box["sample_token"]] * 1000))
+            T = transforms.transform(truths[other].position_m[row], truths[other].quat_xyzw[row])
+            middle = transforms.apply(T, np.array([[MIDDLE_M, 0.0, 0.5 * EGO_SIZE_M[2]]]))[0]
+            np.testing.assert_allclose(np.add(box["translation"], origin), middle, atol=0.01)

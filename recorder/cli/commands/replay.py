@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     config = config_of(
         ReplayConfig, arguments, **replay_options(arguments), start_s=arguments.start,
         duration_s=arguments.duration, camera_start_s=arguments.camera_start,
-        camera_duration_s=arguments.camera_duration, car=1,
+        camera_duration_s=arguments.camera_duration, car=1, roadside=None,
     )  # fmt: skip
     car = "all" if arguments.roadside and arguments.car is None else arguments.car
     carried = [*_of_cars(config, car), *_of_units(config, arguments.roadside)]

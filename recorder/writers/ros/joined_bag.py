@@ -9,6 +9,7 @@ from itertools import repeat
 from pathlib import Path
 from typing import Any
 
+from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer as Bag1File
 
@@ -49,7 +50,7 @@ def join_bags(bags: Mapping[str, Path], target: Path, format_name: str) -> Path:
             for name, (connection, at_ns, data) in merge(*rows, key=lambda row: row[1][1]):
                 if (key := (name, connection.topic)) not in ids:
                     is_known = connection.topic in GLOBAL and name != next(iter(bags))
-                    ids[key] = None if is_known else _added(bag, name, connection)
+                    ids[key] = None if is_known else _added(bag, name, connection, readers[name])
                 if (to := ids[key]) is not None:
                     bag.write(to, at_ns, data)
         inner = part / target.name
@@ -75,12 +76,9 @@ def _opened(part: Path, name: str, format_name: str) -> Any:
     return bag
 
 
-def _added(bag: Any, name: str, connection: Connection) -> Connection:
+def _added(bag: Any, name: str, connection: Connection, reader: AnyReader) -> Connection:
     topic = connection.topic if connection.topic in GLOBAL else f"/{name}{connection.topic}"
-    ext, more = connection.ext, dict[str, Any]()
-    if isinstance(bag, Bag1File):
-        more = {"md5sum": connection.digest, "latching": getattr(ext, "latching", None)}
-    else:
-        more = {"rihs01": connection.digest, "offered_qos_profiles": getattr(ext, "offered_qos_profiles", ())}
+    option = "latching" if isinstance(bag, Bag1File) else "offered_qos_profiles"
+    more = {option: getattr(connection.ext, option)}
     add: Callable[..., Connection] = bag.add_connection
-    return add(topic, connection.msgtype, msgdef=connection.msgdef.data, **more)
+    return add(topic, connection.msgtype, typestore=reader.typestore, **more)
