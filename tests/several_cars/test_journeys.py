@@ -173,14 +173,16 @@ def test_a_unit_by_the_road_stands_still_and_sees_both_cars(fleet: Path) -> None
         assert not np.any(points["id"] == EGO_INSTANCE)
         for k, car in enumerate(cars):
             rows = points[points["id"] == ids[k]]
-            at = np.minimum(np.searchsorted(car.stamp_ns, stamp + rows["time"] * 1e9), len(car) - 1)
+            at = np.minimum(
+                np.searchsorted(car.stamp_ns, stamp + rows["time"].astype(np.float64) * 1e9), len(car) - 1
+            )
             xyz = np.stack([rows[name] for name in "xyz"], axis=-1).astype(np.float64)
             world = transforms.apply(T_unit @ T_unit_lidar, xyz)
             local = transforms.quat_rotate(
                 transforms.quat_conjugate(car.quat_xyzw[at]), world - car.position_m[at]
             )
             # 2 cm of noise along the ray, and 5 ms of driving at 8 m/s.
-            assert np.all(np.abs(local - [MIDDLE_M, 0.0, 0.5 * EGO_SIZE_M[2]]) < HALF_M + 0.14)
+            assert np.all(np.abs(local - [MIDDLE_M, 0.0, 0.5 * EGO_SIZE_M[2]]) < HALF_M + 0.1)
             hits[k] += len(rows)
     assert min(hits) > 100
     rows = list(csv.DictReader((fleet / "data" / "between_cars" / "radio.csv").open()))
@@ -258,15 +260,16 @@ def test_agents_of_opv2v_agree_in_carlas_world(fleet: Path) -> None:
             for number, box in table["vehicles"].items():
                 # OpenCOOD's box: `center` added to `location` in the world.
                 pose = [*np.add(box["location"], box["center"]), *box["angle"]]
-                np.testing.assert_allclose(pose[:2], places[str(number)][:2], atol=0.02)
+                up = x_to_world(places[str(number)]) @ [0.0, 0.0, HALF_M[2], 1.0]
+                np.testing.assert_allclose(pose[:3], up[:3], atol=0.01)
                 np.testing.assert_allclose(pose[3:], places[str(number)][3:], atol=0.2)
                 np.testing.assert_allclose(box["extent"], HALF_M, atol=1e-3)
                 local = (np.linalg.inv(x_to_world(pose)) @ np.c_[world, np.ones(len(world))].T).T[:, :3]
                 inside = np.all(np.abs(local) < HALF_M + 0.06, axis=1)
                 assert inside.any()
                 # Nothing hangs behind or before a car that has moved meanwhile.
-                near = np.all(np.abs(local) < np.add(HALF_M, [0.6, 0.4, -0.1]), axis=1)
-                assert inside[near].mean() > 0.99
+                near = np.all(np.abs(local) < np.add(HALF_M, [0.6, -0.1, -0.1]), axis=1)
+                assert np.sum(near & ~inside) <= 0.01 * near.sum()
                 seen += int(inside.sum())
     assert seen > 1000
 
