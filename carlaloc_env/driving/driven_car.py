@@ -5,31 +5,27 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
-from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
+from carlaloc_env.core.clock import STEP_TICKS, TICK_S, stamp_ns
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M, Controls
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.on_route import OnRoute
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoCar, EgoState
-from carlaloc_env.timeline.actors import ActorFrame
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
-from carlaloc_env.traffic.stop_lines import StopLines
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from carlaloc_env.core.array_types import Array
 
 GONE = EgoView(position_m=(1e6, 1e6, 0.0), heading_rad=0.0, speed_mps=0.0)
 """A car that has left the drive, as other road users see it."""
 
 
-class DrivenCar:
+class DrivenCar(OnRoute):
     """One of the cars in a `DrivingWorld`, which moves it.
 
     Args:
@@ -37,9 +33,6 @@ class DrivenCar:
         body: Its physics.
         route: Where it shall go.
     """
-
-    timeline: Timeline
-    """Itself, all others and the lights over time."""
 
     def __init__(self, town: Town, body: EgoCar, route: Route) -> None:
         self.town, self.body, self.route = town, body, route
@@ -88,42 +81,18 @@ class DrivenCar:
 
     @property
     def now_ns(self) -> int:
-        """Present time [ns]: everything up to it is known for certain."""
+        """Present time [ns]."""
         return stamp_ns(self._tick - 1)
-
-    @property
-    def route_s_m(self) -> float:
-        """Distance along its route [m]; keeps growing on a closed route."""
-        return self._road.progress_m
-
-    @property
-    def route_offset_m(self) -> float:
-        """Offset to the left of its route [m]."""
-        return self._road.offset_m
-
-    @property
-    def stop_lines(self) -> StopLines:
-        """Stop lines of the route at which lights must be obeyed."""
-        return self._road.stop_lines
-
-    def signals(self) -> NDArray[np.uint8]:
-        """State of every signal head of the town now (`SignalState`), shape (S,)."""
-        return self.timeline.signals_at(self.now_ns)
-
-    def actors(self) -> ActorFrame:
-        """All other road users at the last whole step."""
-        return self.timeline.actors_at(self.now_ns // STEP_NS * STEP_NS)
 
     def driver_view(self) -> DriverView:
         """The driver's view now."""
-        tick = self._tick - 1
         return self._road.view(
-            tick=tick,
+            tick=self._tick - 1,
             state=self.state,
             acceleration_mps2=(self._speeds[-1] - self._speeds[0]) / (max(len(self._speeds) - 1, 1) * TICK_S),
-            actors=self.timeline.actors_at(tick // STEP_TICKS * STEP_NS),
+            actors=self.actors(),
             catalog=self.timeline.catalog,
-            signals=self.timeline.signals_at(stamp_ns(tick)),
+            signals=self.signals(),
         )
 
     def as_seen(self) -> EgoView:

@@ -5,19 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.errors import ConfigError, EpisodeError, MapError
 from carlaloc_env.core.transforms import quat_to_matrix
+from carlaloc_env.driving.on_route import OnRoute
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.envs.task.episode_start import route_again
-from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.contacts import Contact
-from carlaloc_env.timeline.actors import ActorFrame
 from carlaloc_env.town.town import Town, without_movables
-from carlaloc_env.traffic.stop_lines import StopLines
 from recorder.episode.episode import Episode
 from recorder.episode.traffic_level import TrafficLevel
 
@@ -38,7 +35,7 @@ class RecordedCar:
     """Mean angle of the front wheels, left positive [rad]."""
 
 
-class RecordedWorld:
+class RecordedWorld(OnRoute):
     """A drive on its route, at a step of 50 ms and then at each one after it.
 
     Args:
@@ -53,7 +50,7 @@ class RecordedWorld:
     def __init__(self, episode: Episode, town: Town, level: TrafficLevel) -> None:
         self.town = town if level.parked_cars else without_movables(town)
         try:
-            self.route: Route = route_again(episode.header.route, town)
+            self.route = route_again(episode.header.route, town)
         except (ConfigError, MapError) as error:
             raise EpisodeError(f"{episode.path}: {error}") from error
         self.timeline = level.select(episode.timeline())
@@ -100,29 +97,6 @@ class RecordedWorld:
     def now_ns(self) -> int:
         """Present time [ns]."""
         return self._step * STEP_NS
-
-    @property
-    def route_s_m(self) -> float:
-        """How far along its route the ego is [m]; keeps growing on a closed route."""
-        return self._road.progress_m
-
-    @property
-    def route_offset_m(self) -> float:
-        """How far left of its route the ego is [m]."""
-        return self._road.offset_m
-
-    @property
-    def stop_lines(self) -> StopLines:
-        """Stop lines of the route at which lights must be obeyed."""
-        return self._road.stop_lines
-
-    def signals(self) -> NDArray[np.uint8]:
-        """State of every signal head of the town now (`SignalState`), shape (S,)."""
-        return self.timeline.signals_at(self.now_ns)
-
-    def actors(self) -> ActorFrame:
-        """All other road users now."""
-        return self.timeline.actors_at(self.now_ns)
 
     def _car(self) -> RecordedCar:
         row = self._ego[self._step * STEP_TICKS + 1]

@@ -3,20 +3,19 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply, invert, transform, wrap_angle
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld
+from carlaloc_env.driving.on_route import OnRoute
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.actors import ActorFrame
-from carlaloc_env.traffic.stop_lines import StopLines
 from recorder.laboratory.pose_source import PoseSource
 
 
-class BelievedWorld:
+class BelievedWorld(OnRoute):
     """A `TaskWorld` whose car is where a source of poses believes it.
 
     Lanes, route, speed limits and stop lines come from the map, by the believed pose. Others are seen from
@@ -55,28 +54,9 @@ class BelievedWorld:
         T = self._source.believed(T_true)
         return replace(state, position_m=T[:3, 3].copy(), heading_rad=state.heading_rad + _turn(T, T_true))
 
-    @property
-    def route_s_m(self) -> float:
-        """Believed distance of the car along its route [m]."""
-        return self._road.progress_m
-
-    @property
-    def route_offset_m(self) -> float:
-        """Believed offset of the car to the left of its route [m]."""
-        return self._road.offset_m
-
-    @property
-    def stop_lines(self) -> StopLines:
-        """Stop lines of the route at which lights must be obeyed."""
-        return self._road.stop_lines
-
-    def signals(self) -> NDArray[np.uint8]:
-        """State of every signal head now, shape (S,)."""
-        return self._world.signals()
-
     def actors(self) -> ActorFrame:
         """Other road users at their believed places."""
-        actors, T_true = self._world.actors(), self.T_true
+        actors, T_true = super().actors(), self.T_true
         T = self._source.believed(T_true)
         if T is T_true or not len(actors):
             return actors
