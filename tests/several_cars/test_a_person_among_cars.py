@@ -20,9 +20,13 @@ def test_a_person_and_scripted_cars_drive_in_one_world(tmp_path: Path) -> None:
     assert [car["driven_m"] > 5.0 for car in result.cars] == [True] * 3
     assert not any(car["collisions"] for car in result.cars)
     episodes = [Episode.load(out, car=number) for number in (1, 2, 3)]
-    assert [episode.header.device.partition(":")[0] for episode in episodes] == ["wheel", "scripted", "scripted"]
+    assert [episode.header.device.partition(":")[0] for episode in episodes] == [
+        "wheel",
+        "scripted",
+        "scripted",
+    ]
     by_hand, *scripted = (episode.raw_controls.throttle for episode in episodes)
-    # A device is read once an image: a hand's pedal rests for several ticks of 5 ms, a program's moves in each.
+    # A device is read once an image: a hand's pedal rests for several ticks, a program's moves in each.
     moves = [np.count_nonzero(np.diff(pedal)) / np.count_nonzero(pedal) for pedal in (by_hand, *scripted)]
     assert moves[0] < 0.3
     assert min(moves[1:]) > 0.5
