@@ -219,9 +219,9 @@ def _fixed(T_world_unit: Array, ticks: int) -> dict[str, Any]:
     from carlaloc_env.timeline.ego_spline import EgoTrack
 
     quat = matrix_to_quat(T_world_unit[:3, :3])
-    poses = (np.tile(values, (ticks, 1)) for values in (T_world_unit[:3, 3], quat))
+    position, attitude = (np.tile(values, (ticks, 1)) for values in (T_world_unit[:3, 3], quat))
     wheels = CarTrack.from_arrays(np.zeros((ticks, 4)), np.zeros(ticks), np.zeros((ticks, 4)))
-    return {"ego": EgoTrack.from_arrays(*poses), "car": wheels}
+    return {"ego": EgoTrack.from_arrays(position, attitude), "car": wheels}
 
 
 def open_episode(path: str | Path) -> Episode:
