@@ -18,6 +18,7 @@ from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
 from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
 from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
 from recorder.writers.formats.nuscenes import NuscenesEncoder, NuscenesWriter
+from recorder.writers.formats.opv2v import Opv2vEncoder, Opv2vWriter
 from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter
 from recorder.writers.formats.town_ground import TownGround
 from recorder.writers.rig_calibration import (
@@ -51,6 +52,9 @@ WRITERS: dict[str, Callable[[Path], Writer]] = {
     "kitti": lambda folder: KittiWriter(folder / "kitti", KittiEncoder(RIG)),
     "nuscenes": lambda folder: NuscenesWriter(
         folder / "nuscenes", NuscenesEncoder(RIG, STREAMS), ground=lambda: GROUND, about={}
+    ),
+    "opv2v": lambda folder: Opv2vWriter(
+        folder / "opv2v", Opv2vEncoder(RIG, STREAMS), ground=lambda: GROUND, agent=7, about={}
     ),
     "colmap": lambda folder: ColmapWriter(folder / "colmap", ColmapEncoder(RIG, STREAMS)),
     "dsec": lambda folder: DsecWriter(folder / "events_left.h5", DsecEncoder("events_left")),
