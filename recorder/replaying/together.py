@@ -53,7 +53,7 @@ def write_together(
         WriterError: a file cannot be written.
     """
     alike: dict[Path, dict[str, SequenceFolder]] = defaultdict(dict)
-    for config in results:
+    for config in results if len(carried) > 1 else ():
         for path in results[config].sequences:
             place = path.relative_to(out / config.carrier)
             alike[place][config.carrier] = SequenceFolder(path)

@@ -108,7 +108,7 @@ def scored(fleet: Path) -> dict[str, Any]:
     return result
 
 
-def test_systems_are_scored_together(scored: dict[str, Any]) -> None:
+def test_systems_are_scored_together(fleet: Path, scored: dict[str, Any]) -> None:
     """KISS-ICP over both cars: errors of each, of all, and between them; the unit by the road has none."""
     result = scored
     assert len(result["scores"]) == 2
@@ -124,16 +124,13 @@ def test_systems_are_scored_together(scored: dict[str, Any]) -> None:
 
 
 def test_the_example_joins_both_cars_without_their_starts(fleet: Path, scored: dict[str, Any]) -> None:
-    """Closures alone bring two maps together, each with its own drift, as true starts do."""
+    """Closures alone bring two maps together, and drift less than with true starts."""
     pytest.importorskip("gtsam", reason="gtsam is in the group `peers`")
     assert scored
     example = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "22_join_two_cars.py"))
     known, joined = example["main"](fleet / "data", fleet / "scores")
     assert joined.between_m[0, 1].rmse < 0.2
-    assert joined.joint.rmse < known.joint.rmse + 0.1
-    # Each car's own path stays what its odometry made of it, but for the closures' noise.
-    for one, other in zip(known.alone, joined.alone, strict=True):
-        assert one.rmse == pytest.approx(other.rmse, abs=0.1)
+    assert joined.joint.rmse < known.joint.rmse
 
 
 def test_what_cannot_be_written_is_refused(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
