@@ -17,6 +17,7 @@ from carlaloc_env.sensors.actor_boxes import boxes_at
 from carlaloc_env.timeline.driven_cars import MODEL
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.schedule import weather_of
+from recorder.demo.story import DEMO_DRIVE
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
 from recorder.episode.repair import repair_episode
@@ -170,3 +171,19 @@ def test_bad_numbers_of_cars_are_refused(tmp_path: Path) -> None:
         RecordConfig(out=tmp_path / "a.mcap", cars=17)
     with pytest.raises(ConfigError, match=r"overlap 1\.5"):
         RecordConfig(out=tmp_path / "a.mcap", cars=2, overlap=1.5)
+
+
+def test_a_unit_by_the_road_sees_the_car_of_a_drive_of_one() -> None:
+    """The car is an actor at its spline, with an id of its own; at every level of traffic."""
+    episode = Episode.load(DEMO_DRIVE)
+    own, unit = episode.timeline(), episode.timeline(np.eye(4))
+    for level in ("dynamic", "empty"):
+        seen = traffic_level(level).select(unit)
+        assert seen.catalog.model[-1] == MODEL
+        assert int(seen.catalog.id[-1]) == episode.car_ids[0]
+        assert episode.car_ids[0] not in own.catalog.id
+        stamp = 20_003_000_000
+        motion, boxes = own.ego_motion([stamp]), boxes_at(seen, stamp)
+        middle = transforms.apply(motion.T_world_frame[0], np.array([[CENTRE_M, 0.0, 0.5 * EGO_SIZE_M[2]]]))
+        np.testing.assert_allclose(boxes.centre_m[-1], middle[0], atol=1e-4)
+        np.testing.assert_array_equal(seen.ego_motion([stamp]).T_world_frame[0], np.eye(4))
