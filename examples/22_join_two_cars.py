@@ -2,6 +2,7 @@
 
 import csv
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -23,21 +24,21 @@ def main(fleet: Path = Path("fleet"), scores: Path = Path("scores")) -> tuple[To
     folders = [next((fleet / f"car{number}").glob("*/ground_truth")) for number in (1, 2)]
     truths = [read_tum(path / "lidar.tum") for path in folders]
     epoch_ns = yaml.safe_load(next(fleet.glob("car1/*/*/sequence.yaml")).read_text())["epoch_ns"]
-    base_lidar = poses(read_tum(folders[0] / "base_link.tum"))[0].between(poses(truths[0])[0])
-    ways, graph, start = [poses(one) for one in found], gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.add(gtsam.PriorFactorPose3(0, ways[0][0], noise(1e-4, 1e-3)))
+    base_lidar = _poses(read_tum(folders[0] / "base_link.tum"))[0].between(_poses(truths[0])[0])
+    ways, graph, start = [_poses(one) for one in found], gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(gtsam.PriorFactorPose3(0, ways[0][0], _noise(1e-4, 1e-3)))
     for row in csv.DictReader((fleet / "between_cars" / "closures.csv").open()):
         stamps = [int(row[f"stamp_{car}_ns"]) + epoch_ns for car in "ab"]
         a, b = (int(np.abs(one.stamp_ns - at).argmin()) for one, at in zip(found, stamps, strict=True))
-        a_b = base_lidar.inverse() * pose(np.array([float(row[name]) for name in POSE])) * base_lidar
+        a_b = base_lidar.inverse() * _pose(np.array([float(row[name]) for name in POSE])) * base_lidar
         first_second = ways[0][a] * a_b * ways[1][b].inverse()
-        graph.add(gtsam.BetweenFactorPose3(a, SECOND + b, a_b, noise(0.01, 0.1)))
+        graph.add(gtsam.BetweenFactorPose3(a, SECOND + b, a_b, _noise(0.01, 0.1)))
     for first, moved, way in ((0, gtsam.Pose3(), ways[0]), (SECOND, first_second, ways[1])):
         for k, T in enumerate(way):
             start.insert(first + k, moved * T)
             if k > 0:
                 step = way[k - 1].between(T)
-                graph.add(gtsam.BetweenFactorPose3(first + k - 1, first + k, step, noise(1e-3, 0.02)))
+                graph.add(gtsam.BetweenFactorPose3(first + k - 1, first + k, step, _noise(1e-3, 0.02)))
     best = gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()
     joined = []
     for first, one in zip((0, SECOND), found, strict=True):
@@ -48,9 +49,17 @@ def main(fleet: Path = Path("fleet"), scores: Path = Path("scores")) -> tuple[To
     return evaluate_together(truths, known), evaluate_together(truths, joined)
 
 
-noise = lambda rad, m: gtsam.noiseModel.Diagonal.Sigmas(np.repeat([rad, m], 3))  # noqa: E731
-pose = lambda row: gtsam.Pose3(gtsam.Rot3(Rotation.from_quat(row[3:]).as_matrix()), row[:3])  # noqa: E731
-poses = lambda one: [pose(row) for row in np.hstack([one.position_m, one.quat_xyzw])]  # noqa: E731
+def _noise(rad: float, m: float) -> Any:
+    return gtsam.noiseModel.Diagonal.Sigmas(np.repeat([rad, m], 3))
+
+
+def _pose(row: Any) -> Any:
+    return gtsam.Pose3(gtsam.Rot3(Rotation.from_quat(row[3:]).as_matrix()), row[:3])
+
+
+def _poses(one: Trajectory) -> list[Any]:
+    return [_pose(row) for row in np.hstack([one.position_m, one.quat_xyzw])]
+
 
 if __name__ == "__main__":
     for name, result in zip(("set out from true starts", "joined by closures"), main(), strict=True):

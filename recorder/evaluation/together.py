@@ -33,7 +33,7 @@ class TogetherResult:
     joint_of: tuple[Statistics, ...]
     """The same of each robot."""
     alone: tuple[Statistics, ...]
-    """Of each robot after a fit of its own: of its odometry and its own closures."""
+    """Of each robot after a fit for it alone: of its odometry and the closures within its path."""
     between_m: Mapping[tuple[int, int], Statistics]
     """Errors of the position of robot b in the frame of robot a at equal times, no fit needed."""
     between_deg: Mapping[tuple[int, int], Statistics]
@@ -134,7 +134,7 @@ def between_errors(
 
 
 def set_out_at(truth: Trajectory, estimate: Trajectory) -> Trajectory:
-    """An estimate moved rigidly so that its first pose is the true one of that time."""
+    """An estimate moved rigidly so that its first pose is the true one at its stamp."""
     true = truth.at(estimate.stamp_ns[:1])
     turn = transforms.quat_multiply(true.quat_xyzw[0], transforms.quat_conjugate(estimate.quat_xyzw[0]))
     R = transforms.quat_to_matrix(turn)

@@ -87,7 +87,7 @@ class ReplayConfig(ReplayOptions):
     car: int = 1
     """Number of the car that carries the rig [from 1 on]."""
     roadside: RoadsideUnit | None = None
-    """Fixed unit that carries the rig in place of a car."""
+    """Fixed unit that carries the rig in place of a car [`RoadsideUnit`]."""
     start_s: float = 0.0
     """Beginning of the stretch [s]."""
     duration_s: float | None = None

@@ -156,11 +156,11 @@ def test_positions_gain_where_reflections_are_dropped(tmp_path: Path) -> None:
     pytest.importorskip("open3d", reason="open3d is not installed")
     if shutil.which("rnx2rtkp") is None:
         pytest.skip("rnx2rtkp is not installed; apt-get install rtklib")
-    rig = SensorRig.load(EXAMPLES / "22_drop_reflections.yaml")
+    rig = SensorRig.load(EXAMPLES / "23_drop_reflections.yaml")
     (receiver,) = rig.of_kind("gnss")
     _, _, samples = in_a_street(60.0, 12.0, 15.0, base=receiver.receiver.base, date=receiver.receiver.date)
     folder = write(tmp_path / "gnss", samples)
-    errors = load("22_drop_reflections").main(folder)
+    errors = load("23_drop_reflections").main(folder)
     for mode, share in (("single", 0.8), ("rtk", 0.1)):
         everything, kept = errors[mode, "gnss.obs"], errors[mode, "gnss_kept.obs"]
         assert len(kept) >= len(everything) > 20

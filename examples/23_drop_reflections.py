@@ -1,8 +1,8 @@
 """Errors of RTKLIB's positions with and without reflected signals, which the true labels name.
 
 carlaloc record --map Town10 --device scripted --duration 120 --out drive.mcap
-carlaloc replay drive.mcap --rig examples/22_drop_reflections.yaml --format rinex --out data
-python examples/22_drop_reflections.py data/Town10/ClearNoon_dynamic/gnss
+carlaloc replay drive.mcap --rig examples/23_drop_reflections.yaml --format rinex --out data
+python examples/23_drop_reflections.py data/Town10/ClearNoon_dynamic/gnss
 """
 
 import csv
