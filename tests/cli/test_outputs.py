@@ -23,8 +23,8 @@ OUTPUTS = [
 ]
 NAMES_THAT_ARE_READ = {
     "action", "align", "camera", "cluster", "device", "drop", "fault", "imu", "lidar", "map", "method",
-    "over", "quality", "quaternion", "name", "ride", "rig", "sensor", "time_field", "time_unit", "topic",
-    "topics", "town", "traffic", "truth_quaternion", "truth_time_unit", "truth_topic", "weather",
+    "over", "quality", "quaternion", "name", "ride", "rig", "roadside", "sensor", "time_field", "time_unit",
+    "topic", "topics", "town", "traffic", "truth_quaternion", "truth_time_unit", "truth_topic", "weather",
 }  # fmt: skip
 """Options that are plain text. Whoever adds one says here that it names nothing that is written."""
 VALUES = (
