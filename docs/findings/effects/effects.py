@@ -1,7 +1,7 @@
 """Compare effects on SLAM systems here with those on roads, by the bands of `plan.csv`.
 
-python docs/findings/effects/effects.py PASS=FOLDER …   from folders that `carlaloc benchmark` wrote
-python docs/findings/effects/effects.py                 only prints the table, from the runs kept here
+python docs/findings/effects/effects.py PASS=FOLDER[,FOLDER] …   from folders that `carlaloc benchmark` wrote
+python docs/findings/effects/effects.py                          prints the table of the runs kept here
 
 A pass is a rig over some drives: `hdl64e`, `aeries2`, `snow`, `rain`, `cameras`. `runs.csv` keeps each run's
 drift: KITTI's mean over segments of 100 to 400 m, which all routes here hold. An effect is the median over
@@ -113,7 +113,7 @@ EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
 def motorway(runs: list[Run]) -> list[float]:
     """Town04 over the median of the other towns, for each system that is no variant."""
     found = []
-    for method in ("kiss_icp", "small_gicp", "genz_icp"):
+    for method in ("kiss_icp", "small_gicp", "rko_lio"):
         mine = {run.town: run.drift_percent for run in runs if run.of == "hdl64e" and run.method == method}
         streets = [value for town, value in mine.items() if town != "Town04"]
         if streets and "Town04" in mine:
@@ -131,7 +131,8 @@ def main(passes: list[str]) -> None:
             runs.append(Run(**row, drift_percent=drift, ape_m=ape_m))
     for word in passes:
         name, _, folder = word.partition("=")
-        runs = [run for run in runs if run.of != name] + list(runs_of(name, Path(folder)))
+        runs = [run for run in runs if run.of != name]
+        runs += [run for part in folder.split(",") for run in runs_of(name, Path(part))]
     if passes:
         with kept.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
