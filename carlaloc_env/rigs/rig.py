@@ -86,21 +86,23 @@ class SensorRig:
         """The rig with another number in a field of a sensor, or of all sensors of a kind.
 
         Args:
-            path: Name or kind, then keys as in the rig's file; in a list they count from 0:
+            path: Kind, name, or both, then keys as in the rig's file; in a list they count from 0:
                 ``lidar.rate_hz``, ``camera.shutter.readout_ms``, ``camera.right.mount.position_m.1``.
             value: The number; a whole one also fits fields of integers.
 
         Raises:
             ConfigError: there is no such sensor or field, or it cannot have this value.
         """
-        words = sorted({word for s in self.sensors for word in (s.name, s.kind)}, key=len, reverse=True)
-        word = next((word for word in words if path.startswith(f"{word}.")), "")
+        chosen: dict[str, list[SensorConfig]] = {}
+        for sensor in self.sensors:
+            for word in {sensor.name, sensor.kind, f"{sensor.kind}.{sensor.name}"}:
+                chosen.setdefault(word, []).append(sensor)
+        word = max((word for word in chosen if path.startswith(f"{word}.")), key=len, default="")
         if not word:
-            raise ConfigError(f"rig.{path}: {unknown_name('sensor', path.partition('.')[0], words)}")
+            raise ConfigError(f"rig.{path}: {unknown_name('sensor', path.partition('.')[0], chosen)}")
         number = int(value) if float(value).is_integer() else value
-        named = [s for s in self.sensors if s.name == word]
         entries = []
-        for sensor in named or self.of_kind(word):
+        for sensor in chosen[word]:
             entry = {"kind": kind_word(sensor), **to_mapping(sensor)}
             _put(entry, path.removeprefix(f"{word}."), number, f"rig.{path}")
             entries.append(entry)
@@ -227,7 +229,9 @@ def _put(entry: dict[str, Any], path: str, number: float, where: str) -> None:
     *above, last = path.split(".")
     try:
         for key in above:
-            node = node[int(key)] if isinstance(node, list) else node.setdefault(key, {})
+            if not isinstance(node, list) and node.get(key) is None:
+                node[key] = {}  # a part that is off, such as a shutter
+            node = node[int(key)] if isinstance(node, list) else node[key]
         node[int(last) if isinstance(node, list) else last] = number
     except (TypeError, ValueError, IndexError, AttributeError):
         raise ConfigError(f"{where}: no such field; carlaloc list rigs prints a rig's fields") from None

@@ -1,10 +1,8 @@
 """The steps of the demo: a first picture of the drive, four sequences of it, scores of SLAM systems."""
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from multiprocessing import get_context
 from pathlib import Path
 
 import cv2
@@ -12,7 +10,6 @@ import cv2
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.core.files.atomic_files import atomic_write
-from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.presets import weather_by_name
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
@@ -75,11 +72,7 @@ def first_look(config: DemoConfig, report: RunProgress) -> Path:
     """
     report(0, 3, None)
     episode = Episode.load(DEMO_DRIVE)
-    # On a new machine, the other core makes the textures for the cache while this one builds the town.
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:
-        textures = beside.submit(_make_textures)
-        town = town_of(episode)
-        textures.result()
+    town = town_of(episode)
     report(1, 3, f"{town.name} is built")
     stage = SensorStage(town, seed=episode.header.seed, weather=weather_by_name(LOOK_WEATHERS[0]))
     stage.renderer()
@@ -96,10 +89,6 @@ def first_look(config: DemoConfig, report: RunProgress) -> Path:
         part.write_bytes(cv2.imencode(".jpg", image)[1].tobytes())
     report(3, 3, "one instant is drawn")
     return path
-
-
-def _make_textures() -> None:
-    build_textures()
 
 
 def cost_of(config: DemoConfig) -> ReplayCost:

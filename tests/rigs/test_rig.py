@@ -8,9 +8,10 @@ import pytest
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.rigs.notes import rig_notes
-from carlaloc_env.rigs.presets import RIGS, rig_by_name
+from carlaloc_env.rigs.presets import RIGS, flu_rig, real_rig, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig, ReceiverConfig
@@ -234,3 +235,15 @@ def test_an_extended_rig_keeps_axes_and_gets_sensors() -> None:
 def test_mistakes_in_an_extension_are_named(text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         SensorRig.from_yaml(text, bases=RIGS)
+
+
+def test_numbers_of_a_rig_are_put_by_kind_and_name() -> None:
+    """In a list, keys count; a part that needs another one is refused by its name."""
+    for camera in real_rig().with_value("camera.shutter.readout_ms", 20.0).of_kind("camera"):
+        assert isinstance(camera, CameraConfig)
+        assert camera.shutter is not None
+        assert camera.shutter.readout_ms == 20.0
+    with pytest.raises(ConfigError, match="a shutter needs an imager"):
+        flu_rig().with_value("camera.shutter.readout_ms", 20.0)
+    left, right = flu_rig().with_value("camera.right.mount.position_m.1", -0.5).of_kind("camera")
+    assert (left, right.mount.position_m[1]) == (flu_rig().of_kind("camera")[0], -0.5)
