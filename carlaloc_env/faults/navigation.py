@@ -11,6 +11,9 @@ from carlaloc_env.faults.fields import fault, setting
 from carlaloc_env.faults.timing import Draws, MountedFaults, TimingFaults
 from carlaloc_env.samples import GnssFix, Imu, Sample, WheelTicks
 
+GYRO_RADPS_PER_K, ACCEL_MPS2_PER_K, WARM_UP_S = math.radians(0.015), 9.80665e-3, 300.0
+"""Changes of biases by temperature, and the time constant of a warming IMU."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GnssFaults(MountedFaults):
@@ -65,6 +68,10 @@ class ImuFaults(TimingFaults):
         "m/s²", "added to each axis from `begin_s` on, a step of the bias", worst=1.0
     )
     gyro_bias_radps: float = fault("rad/s", "added to each axis from `begin_s` on", worst=0.1)
+    warm_up_k: float = fault(
+        "K", "warming by 1 − exp(−t / 300 s) of this; biases of all axes move by 0.015 °/s and 1 mg a kelvin, "
+        "up or down as drawn", worst=40.0, low=0.0, source="temperature coefficients of Bosch's BMI055",
+    )  # fmt: skip
 
     def apply(self, sample: Sample, draws: Draws) -> Sample:
         """A measurement of a faulty IMU: the biased value, cut at the limits."""
@@ -72,6 +79,11 @@ class ImuFaults(TimingFaults):
             return sample
         force = sample.specific_force_mps2 + self.accel_bias_mps2
         rate = sample.angular_rate_radps + self.gyro_bias_radps
+        if self.warm_up_k:
+            warmer_k = self.warm_up_k * (1.0 - elementary.exp(-1e-9 * sample.stamp_ns / WARM_UP_S))
+            signs = np.sign(draws.at("warm").random((2, 3)) - 0.5)
+            force = force + ACCEL_MPS2_PER_K * warmer_k * signs[0]
+            rate = rate + GYRO_RADPS_PER_K * warmer_k * signs[1]
         return replace(
             sample,
             specific_force_mps2=np.clip(force, -self.accel_limit_mps2, self.accel_limit_mps2),

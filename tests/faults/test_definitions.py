@@ -94,6 +94,15 @@ def test_a_mount_sways_at_its_resonance_by_its_root_mean_square() -> None:
     assert (power[np.abs(hz - 13.0) <= 1.5].sum() / power.sum()) > 0.9
 
 
+def test_a_warming_imu_gains_its_bias_within_five_minutes() -> None:
+    """After one time constant 1 − 1/e of the warming is there; at the drive's beginning nothing is."""
+    assert faulty(imu(), "imu.imu", warm_up_k=10.0) == imu()
+    warm = faulty(imu(300_000 * MS), "imu.imu", warm_up_k=10.0)
+    share, true = 1 - math.exp(-1), imu()
+    np.testing.assert_allclose(abs(warm.angular_rate_radps - true.angular_rate_radps), share * math.radians(0.15))
+    np.testing.assert_allclose(abs(warm.specific_force_mps2 - true.specific_force_mps2), share * 0.0980665)
+
+
 def test_jitter_is_normal_and_keeps_the_order() -> None:
     late = stamps(time_jitter_ms=0.5) - np.arange(4000) * 5.0
     assert abs(late.mean()) < 4 * 0.5 / math.sqrt(4000)
