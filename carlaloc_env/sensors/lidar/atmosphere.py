@@ -170,22 +170,24 @@ class DropEcho:
             many[:-1] -= many[1:]
         self._range_m, self._cumulative = r, np.cumsum(many, axis=1)
 
-    def draw(self, uniform: Array) -> tuple[Array, Array]:
+    def draw(self, uniform: Array, best: Array) -> tuple[Array, Array]:
         """Power of the strongest drop's echo and its distance [m] of N beams.
 
         Args:
             uniform: Uniform draws of (0, 1], shape (N, 2).
+            best: Powers of other echoes, shape (N,); drops below them are nowhere.
 
         Returns:
-            Powers, 0 where no drop is strong enough, and distances, each (N,).
+            Powers, 0 where no drop is strong enough, and distances, 0 where none is stronger, each (N,).
         """
         threshold = -elementary.log(uniform[:, 0])
         row = np.searchsorted(-self.expected, -threshold) - 1
         power = np.where(row >= 0, self.power[np.maximum(row, 0)], 0.0)
         at_m = np.zeros(len(power))
-        some = np.flatnonzero(row >= 0)
-        for k in np.unique(row[some]):
-            rows = some[row[some] == k]
+        stronger = np.flatnonzero(power > best)
+        stronger = stronger[np.argsort(row[stronger], kind="stable")]
+        values, begins = np.unique(row[stronger], return_index=True)
+        for k, rows in zip(values, np.split(stronger, begins[1:]), strict=False):
             cumulative = self._cumulative[k]
             at_m[rows] = np.interp(uniform[rows, 1] * cumulative[-1], cumulative, self._range_m)
         return power, at_m

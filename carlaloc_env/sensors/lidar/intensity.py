@@ -103,12 +103,14 @@ def strongest_echoes(
         fog = _fog_echo(air)
         normal = np.sqrt(-2.0 * elementary.log(uniform[:, 0])) * elementary.cos(2.0 * math.pi * uniform[:, 1])
         wisp = elementary.exp(_WISP * normal - 0.5 * _WISP * _WISP)
+        power, at_m = fog.strongest(surface_m) * wisp, np.zeros(len(surface_m))
+        stronger = np.flatnonzero(power > best)
+        at_m[stronger] = fog.draw(surface_m[stronger], uniform[stronger, 2])
         # As bright as a surface where the fog's echo peaks, wherever the wisp is.
-        peaks_m = np.full(len(surface_m), fog.peak_m)
-        offer(fog.strongest(surface_m) * wisp, fog.draw(surface_m, uniform[:, 2]), peaks_m)
+        offer(power, at_m, np.full(len(surface_m), fog.peak_m))
     if air.rain_mmph > 0 or air.snowfall > 0:
         drops = _drop_echo(air, divergence_rad=beam_rad, range_min_m=range_min_m, power_min=power_min)
-        power, at_m = drops.draw(uniform[:, 3:5])
+        power, at_m = drops.draw(uniform[:, 3:5], best)
         offer(power, at_m, at_m, Tag.SNOW if air.snowfall > 0 else Tag.UNLABELED)
     if spray_m is not None:
         caught = np.isfinite(spray_m)

@@ -54,7 +54,7 @@ def test_strongest_drop_has_the_distribution_of_simulated_drops() -> None:
         width = 2 * r * math.tan(beam / 2)
         power = WATER_REFLECTANCE * np.exp(-2 * 4.3e-3 * r) / r**2 * np.minimum((size / width) ** 2, 1.0)
         strongest[k] = power.max(initial=0.0)
-    drawn, place = echo.draw(1.0 - rng.random((40_000, 2)))
+    drawn, place = echo.draw(1.0 - rng.random((40_000, 2)), np.zeros(40_000))
     for p in (0.3 * POWER_MIN, POWER_MIN, 3 * POWER_MIN, 10 * POWER_MIN, 50 * POWER_MIN):
         simulated = np.mean(strongest > p)
         assert np.mean(drawn > p) == pytest.approx(simulated, abs=0.008 + 3 * math.sqrt(simulated / 4000))

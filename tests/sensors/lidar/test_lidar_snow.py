@@ -43,7 +43,7 @@ def test_strongest_flake_has_the_distribution_of_simulated_flakes() -> None:
         seen = (1 - np.exp(-((r / 16.0) ** 2))) * np.exp(-2 * extinction_per_m(2.5) * r) / r**2
         power = np.append(0.6 * seen * filled, 0.0)
         strongest[k], away_m[k] = power.max(), np.append(r, 0.0)[power.argmax()]
-    drawn, at_m = echo.draw(1.0 - rng.random((40_000, 2)))
+    drawn, at_m = echo.draw(1.0 - rng.random((40_000, 2)), np.zeros(40_000))
     for p in (POWER_MIN, 3 * POWER_MIN, 10 * POWER_MIN):
         simulated = np.mean(strongest > p)
         assert np.mean(drawn > p) == pytest.approx(simulated, abs=0.008 + 3 * math.sqrt(simulated / 6000))
