@@ -4,8 +4,8 @@ python docs/findings/effects/effects.py PASS=FOLDER[,FOLDER] …   from folders 
 python docs/findings/effects/effects.py                          prints the table of the runs kept here
 
 A pass is a rig over some drives: `hdl64e`, `aeries2`, `snow`, `rain`, `cameras`. `runs.csv` keeps each run's
-drift: KITTI's mean over segments of 100 to 400 m, which all routes here hold. An effect is the median over
-towns and systems of a ratio within the same town. A run that fails is infinitely wrong.
+drift in space and in the plane: KITTI's mean over segments of 100 to 400 m, which all routes here hold. An
+effect is the median over towns and systems of a ratio within the same town. A run that fails is infinitely wrong.
 """
 
 import csv
@@ -17,12 +17,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from recorder import evaluate, read_tum
-from recorder.evaluation.associate import Association
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from recorder import Trajectory, read_tum
 
 HERE = Path(__file__).resolve().parent
-SEGMENTS_M = (100.0, 400.0)
-"""Shortest and longest segments [m]."""
+SEGMENTS_M, FIRST_EVERY = (100.0, 200.0, 300.0, 400.0), 10
+"""Lengths of the segments [m], and the poses between two beginnings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,8 @@ class Run:
     method: str
     drift_percent: float
     """Drift over segments of 100 to 400 m [%]; inf: the run failed."""
+    plane_percent: float
+    """The same without the error along the sensor's upward axis."""
     ape_m: float
     """APE [m]; inf: the run failed."""
 
@@ -47,23 +51,42 @@ def runs_of(name: str, folder: Path) -> Iterator[Run]:
     for path in sorted((folder / "runs").rglob("result.json")):
         score = json.loads(path.read_text("utf-8"))["score"]
         where = folder / "drives" / score["dataset"] / score["town"] / "ground_truth"
-        failed = score["failed"] is not None
+        space = plane = ape_m = math.inf
+        if score["failed"] is None:
+            truth, ape_m = read_tum(where / f"{score['frame']}.tum"), score["ape_m"]
+            space, plane = drifts_percent(truth, read_tum(path.with_name("estimate.tum")))
         yield Run(
             of=name,
             **{key: score[key] for key in ("town", "weather", "traffic", "cloud", "method")},
-            drift_percent=math.inf if failed else drift_percent(path.with_name("estimate.tum"), where, score),
-            ape_m=math.inf if failed else score["ape_m"],
+            drift_percent=space,
+            plane_percent=plane,
+            ape_m=ape_m,
         )
 
 
-def drift_percent(estimate: Path, where: Path, score: dict[str, str]) -> float:
-    """Drift of an estimate over the segments that are compared [%]; NaN: the route holds none."""
-    truth = read_tum(where / f"{score['frame']}.tum")
-    result = evaluate(truth, read_tum(estimate), association=Association.INTERPOLATED)
-    low_m, high_m = SEGMENTS_M
-    rows = [segment for segment in result.segments if low_m <= segment.length_m <= high_m]
-    count = sum(row.segments for row in rows)
-    return sum(row.translation_percent * row.segments for row in rows) / count if count else math.nan
+def drifts_percent(truth: Trajectory, estimate: Trajectory) -> tuple[float, float]:
+    """Drift of an estimate in space and in the plane [%]; NaN: the route holds no segment."""
+    stamp_ns = estimate.stamp_ns
+    within = (stamp_ns >= truth.stamp_ns[0]) & (stamp_ns <= truth.stamp_ns[-1])
+    paths = [path.at(stamp_ns[within]) for path in (truth, estimate)]
+    steps_m = np.linalg.norm(np.diff(paths[0].position_m, axis=0), axis=1)
+    way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    errors = []
+    for length_m in SEGMENTS_M:
+        first = np.arange(0, len(way_m), FIRST_EVERY)
+        last = np.searchsorted(way_m, way_m[first] + length_m)
+        first, last = first[last < len(way_m)], last[last < len(way_m)]
+        true, found = (
+            Rotation.from_quat(path.quat_xyzw[first]).apply(
+                path.position_m[last] - path.position_m[first], inverse=True
+            )
+            for path in paths
+        )
+        errors.append((found - true) / length_m)
+    error = np.concatenate(errors)
+    if not len(error):
+        return math.nan, math.nan
+    return 100.0 * np.linalg.norm(error, axis=1).mean(), 100.0 * np.linalg.norm(error[:, :2], axis=1).mean()
 
 
 Chosen = Callable[[Run], bool]
@@ -81,16 +104,26 @@ def ratios(runs: list[Run], measure: str, first: Chosen, second: Chosen, *, by_m
 
 
 def between(method: str, other: str) -> tuple[Chosen, Chosen, bool]:
-    """Another system in place of one."""
-    return (lambda run: run.method == method), (lambda run: run.method == other), False
+    """Another system in place of one, in clear air."""
+
+    def chosen(name: str) -> Chosen:
+        return lambda run: run.method == name and run.weather == "ClearNoon"
+
+    return chosen(method), chosen(other), False
 
 
-def weather(other: str) -> tuple[Chosen, Chosen, bool]:
-    """Another weather in place of clear air."""
-    return (lambda run: run.weather == "ClearNoon"), (lambda run: run.weather == other), True
+def weather(other: str, *methods: str) -> tuple[Chosen, Chosen, bool]:
+    """Another weather in place of clear air, for all systems or some."""
+
+    def chosen(name: str) -> Chosen:
+        return lambda run: run.weather == name and (not methods or run.method in methods)
+
+    return chosen("ClearNoon"), chosen(other), True
 
 
 THREE = {"Town03", "Town04", "Town05"}
+IN_PLANE = {"4", "5", "15s", "15r", "15n"}
+"""Effects whose published drifts are in the plane."""
 EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
     "1": (
         "hdl64e",
@@ -104,17 +137,19 @@ EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
     "10": ("hdl64e", "drift_percent", THREE, between("kiss_icp", "kiss_fixed")),
     "5": ("aeries2", "drift_percent", {"Town04"}, between("kiss_40m", "kiss_40m_doppler")),
     "15s": ("snow", "drift_percent", {"Town03", "Town07"}, weather("SnowyNoon")),
-    "15r": ("rain", "drift_percent", {"Town10"}, weather("ClearNoon:rain_mmph=25")),
+    "15r": ("rain", "drift_percent", {"Town10"}, weather("ClearNoon_rain_mmph-25")),
+    "18": ("cameras", "ape_m", {"Town05"}, weather("ClearNight", "stereo_vo", "orbslam3_stereo")),
+    "20": ("cameras", "ape_m", {"Town05"}, between("orbslam3_stereo", "orbslam3_stereo_inertial")),
     "15n": ("rain", "drift_percent", {"Town10"}, weather("ClearNight")),
 }
 """Of each effect: pass, measure, towns, and both sides of the ratio."""
 
 
-def motorway(runs: list[Run]) -> list[float]:
+def motorway(runs: list[Run], measure: str) -> list[float]:
     """Town04 over the median of the other towns, for each system that is no variant."""
     found = []
-    for method in ("kiss_icp", "small_gicp", "rko_lio"):
-        mine = {run.town: run.drift_percent for run in runs if run.of == "hdl64e" and run.method == method}
+    for method in ("kiss_icp", "small_gicp"):
+        mine = {run.town: getattr(run, measure) for run in runs if run.of == "hdl64e" and run.method == method}
         streets = [value for town, value in mine.items() if town != "Town04"]
         if streets and "Town04" in mine:
             found.append(mine["Town04"] / median(streets))
@@ -127,8 +162,8 @@ def main(passes: list[str]) -> None:
     runs: list[Run] = []
     if kept.exists():
         for row in csv.DictReader(kept.open(encoding="utf-8")):
-            drift, ape_m = float(row.pop("drift_percent")), float(row.pop("ape_m"))
-            runs.append(Run(**row, drift_percent=drift, ape_m=ape_m))
+            values = {key: float(row.pop(key)) for key in ("drift_percent", "plane_percent", "ape_m")}
+            runs.append(Run(**row, **values))
     for word in passes:
         name, _, folder = word.partition("=")
         runs = [run for run in runs if run.of != name]
@@ -141,22 +176,32 @@ def main(passes: list[str]) -> None:
                 values = (getattr(run, key) for key in Run.__slots__)
                 writer.writerow([f"{v:.5g}" if isinstance(v, float) else v for v in values])
     for row in csv.DictReader((HERE / "plan.csv").open(encoding="utf-8")):
-        if row["effect"] == "6":
-            found = motorway(runs)
-        elif row["effect"] in EFFECTS:
-            of, measure, towns, (first, second, by_method) = EFFECTS[row["effect"]]
-            mine = [run for run in runs if run.of == of and run.town in towns]
-            found = ratios(mine, measure, first, second, by_method=by_method)
-        else:
-            continue
-        if found:
-            here, high = median(found), math.inf if row["high"] == "lost" else float(row["high"])
-            verdict = "inside" if float(row["low"]) <= here <= high else "outside"
-            each = ", ".join(f"{value:.2f}" for value in found)
-            band = f"{row['low']} to {row['high']}"
-            sys.stdout.write(
-                f"| {row['effect']} | {row['question']} | {band} | {here:.2f} | {each} | {verdict} |\n"
-            )
+        found = {measure: measured(row["effect"], runs, measure) for measure in ("drift_percent", "plane_percent")}
+        if any(found.values()):
+            sys.stdout.write(table_row(row, found))
+
+
+def measured(effect: str, runs: list[Run], measure: str) -> list[float]:
+    """The ratios of an effect; APE in place of drift where the plan has it."""
+    if effect == "6":
+        return motorway(runs, measure)
+    if effect not in EFFECTS:
+        return []
+    of, usual, towns, (first, second, by_method) = EFFECTS[effect]
+    mine = [run for run in runs if run.of == of and run.town in towns]
+    return ratios(mine, usual if usual == "ape_m" else measure, first, second, by_method=by_method)
+
+
+def table_row(row: dict[str, str], found: dict[str, list[float]]) -> str:
+    """An effect beside its band, as a row of Markdown: in space, in the plane, and each ratio that counts."""
+    counts = found["plane_percent" if row["effect"] in IN_PLANE else "drift_percent"]
+    high = math.inf if row["high"] == "lost" else float(row["high"])
+    verdict = "inside" if float(row["low"]) <= median(counts) <= high else "outside"
+    here = " | ".join(f"{median(found[key]):.2f}" for key in ("drift_percent", "plane_percent"))
+    each = ", ".join(f"{value:.2f}" for value in counts)
+    return (
+        f"| {row['effect']} | {row['question']} | {row['low']} to {row['high']} | {here} | {each} | {verdict} |\n"
+    )
 
 
 if __name__ == "__main__":
