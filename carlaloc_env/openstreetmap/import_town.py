@@ -20,7 +20,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.map.routing.plan_route import FitTurns
 from carlaloc_env.openstreetmap.clusters import End, half_width
-from carlaloc_env.openstreetmap.countries import Country, country_of, drives_left
+from carlaloc_env.openstreetmap.countries import Country, country_of
+from carlaloc_env.openstreetmap.driving_side import drives_left
 from carlaloc_env.openstreetmap.elements import Way
 from carlaloc_env.openstreetmap.extract import Box, Extract, place, read_extract
 from carlaloc_env.openstreetmap.features import Feature, Features, geojson

@@ -15,7 +15,8 @@ from osmium.osm.mutable import Node, Way
 from shared_fixtures.worlds.street_sketches import OXFORD, Sketch, village
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.openstreetmap.countries import country_of, drives_left
+from carlaloc_env.openstreetmap.countries import country_of
+from carlaloc_env.openstreetmap.driving_side import drives_left
 from carlaloc_env.openstreetmap.extract import read_extract
 from carlaloc_env.openstreetmap.import_town import import_town
 

@@ -149,7 +149,9 @@ def motorway(runs: list[Run], measure: str) -> list[float]:
     """Town04 over the median of the other towns, for each system that is no variant."""
     found = []
     for method in ("kiss_icp", "small_gicp"):
-        mine = {run.town: getattr(run, measure) for run in runs if run.of == "hdl64e" and run.method == method}
+        mine = {
+            run.town: getattr(run, measure) for run in runs if run.of == "hdl64e" and run.method == method
+        }
         streets = [value for town, value in mine.items() if town != "Town04"]
         if streets and "Town04" in mine:
             found.append(mine["Town04"] / median(streets))
@@ -176,7 +178,9 @@ def main(passes: list[str]) -> None:
                 values = (getattr(run, key) for key in Run.__slots__)
                 writer.writerow([f"{v:.5g}" if isinstance(v, float) else v for v in values])
     for row in csv.DictReader((HERE / "plan.csv").open(encoding="utf-8")):
-        found = {measure: measured(row["effect"], runs, measure) for measure in ("drift_percent", "plane_percent")}
+        found = {
+            measure: measured(row["effect"], runs, measure) for measure in ("drift_percent", "plane_percent")
+        }
         if any(found.values()):
             sys.stdout.write(table_row(row, found))
 
@@ -199,9 +203,7 @@ def table_row(row: dict[str, str], found: dict[str, list[float]]) -> str:
     verdict = "inside" if float(row["low"]) <= median(counts) <= high else "outside"
     here = " | ".join(f"{median(found[key]):.2f}" for key in ("drift_percent", "plane_percent"))
     each = ", ".join(f"{value:.2f}" for value in counts)
-    return (
-        f"| {row['effect']} | {row['question']} | {row['low']} to {row['high']} | {here} | {each} | {verdict} |\n"
-    )
+    return f"| {row['effect']} | {row['question']} | {row['low']} to {row['high']} | {here} | {each} | {verdict} |\n"
 
 
 if __name__ == "__main__":
