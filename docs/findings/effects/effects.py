@@ -5,7 +5,7 @@ python docs/findings/effects/effects.py                          prints the tabl
 
 A pass is a rig over some drives: `hdl64e`, `aeries2`, `snow`, `rain`, `cameras`. `runs.csv` keeps each run's
 drift in space and in the plane: KITTI's mean over segments of 100 to 400 m, which all routes here hold. An
-effect is the median over towns and systems of a ratio within the same town. A run that fails is infinitely wrong.
+effect is the median over towns and systems of a ratio within the same town. A failed run is infinitely wrong.
 """
 
 import csv
@@ -202,8 +202,8 @@ def table_row(row: dict[str, str], found: dict[str, list[float]]) -> str:
     high = math.inf if row["high"] == "lost" else float(row["high"])
     verdict = "inside" if float(row["low"]) <= median(counts) <= high else "outside"
     here = " | ".join(f"{median(found[key]):.2f}" for key in ("drift_percent", "plane_percent"))
-    each = ", ".join(f"{value:.2f}" for value in counts)
-    return f"| {row['effect']} | {row['question']} | {row['low']} to {row['high']} | {here} | {each} | {verdict} |\n"
+    each, band = ", ".join(f"{value:.2f}" for value in counts), f"{row['low']} to {row['high']}"
+    return f"| {row['effect']} | {row['question']} | {band} | {here} | {each} | {verdict} |\n"
 
 
 if __name__ == "__main__":

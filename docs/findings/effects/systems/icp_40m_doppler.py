@@ -1,7 +1,7 @@
 """Doppler-ICP (Hexsel et al., RSS 2022) in Open3D, sweep to sweep, with returns up to 40 m.
 
-Its cost adds the velocities of points to the distances to planes; without them it is an ICP by planes. Numbers are
-those of the authors' demonstration.
+Its cost adds the velocities of points to the distances to planes; without them it is an ICP by planes. Numbers
+are those of the authors' demonstration.
 """
 
 from typing import Any
@@ -14,7 +14,7 @@ from recorder import MIDDLE, FrameClock, SlamSequence, System
 
 RANGE_MAX_M, VOXEL_M, PERIOD_S, REACH_M, NORMAL_RADIUS_M = 40.0, 0.3, 0.1, 0.3, 10.0
 DOPPLER_WEIGHT, DYNAMIC_MPS = 0.01, 2.0
-"""Share of velocities in the cost; points that move faster than this against the ground are left out [m/s]."""
+"""Share of velocities in the cost; points that move faster than this are left out [m/s]."""
 
 SYSTEM = System(
     name="icp_40m_doppler", title="Doppler-ICP, 40 m", what="ICP by planes and velocities", needs=("lidar",),
