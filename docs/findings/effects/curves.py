@@ -66,9 +66,16 @@ def curves(folder: Path) -> Iterator[dict[str, str | float]]:
             if value is None and (changed or quantity == RATE):
                 continue
             number = float(value[1]) if value else 0.0
-            best = measures(truth, without_error(truth, quantity, number)) if quantity != RATE else {}
-            bounds = {f"best_{measure}": best.get(measure) for measure in found}
-            yield {"town": score["town"], "quantity": quantity, "value": number, **found, **bounds}
+            row: dict[str, str | float] = {
+                "town": score["town"],
+                "quantity": quantity,
+                "value": number,
+                **found,
+            }
+            if quantity != RATE:
+                best = measures(truth, without_error(truth, quantity, number))
+                row |= {f"best_{measure}": of_best for measure, of_best in best.items()}
+            yield row
 
 
 def main(folders: list[str]) -> None:

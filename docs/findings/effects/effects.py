@@ -164,8 +164,8 @@ def main(passes: list[str]) -> None:
     runs: list[Run] = []
     if kept.exists():
         for row in csv.DictReader(kept.open(encoding="utf-8")):
-            values = {key: float(row.pop(key)) for key in ("drift_percent", "plane_percent", "ape_m")}
-            runs.append(Run(**row, **values))
+            numbers = {key: float(row.pop(key)) for key in ("drift_percent", "plane_percent", "ape_m")}
+            runs.append(Run(**row, **numbers))
     for word in passes:
         name, _, folder = word.partition("=")
         runs = [run for run in runs if run.of != name]

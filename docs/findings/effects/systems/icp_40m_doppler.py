@@ -1,7 +1,7 @@
 """Doppler-ICP (Hexsel et al., RSS 2022) in Open3D, sweep to sweep, with returns up to 40 m.
 
-Its cost adds the velocities of points to the distances to planes; without them it is an ICP by planes. Numbers
-are those of the authors' demonstration.
+Its cost adds the velocities of points to the distances to planes; without them it is an ICP by planes.
+Numbers are those of the authors' demonstration.
 """
 
 from typing import Any
