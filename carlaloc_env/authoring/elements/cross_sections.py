@@ -2,7 +2,6 @@
 
 import itertools
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from carlaloc_env.authoring.geometry.elevation import Cubic, moved_cubic
 from carlaloc_env.authoring.geometry.newton import PlanError
@@ -11,8 +10,6 @@ Records = tuple[tuple[float, Cubic], ...]
 """(ds, a b c d) of a quantity along a section; each holds up to the next."""
 NONE: Records = ((0.0, (0.0, 0.0, 0.0, 0.0)),)
 """A quantity that is 0 all along."""
-BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
-"""Widths of a `CrossSection` that ends at its carriageway."""
 SIDEWALK_HEIGHT_M = 0.15
 """Height of sidewalks and medians above the road [m]."""
 SOLID_BEFORE_JUNCTION_M = 25.0
@@ -82,11 +79,6 @@ class CrossSection:
         if not self.oneway:
             sides.append(self.inner_m("L") + self.count("L") * self.lane_m + outer)
         return max(sides)
-
-    def kerb_at(self, layout: str) -> float:
-        """From the axis to the kerb at an end with this layout [m]."""
-        half = 0.5 * self.median_m
-        return self.kerb_m + (0.0 if layout == "plain" else max(half, 0.5 * self.pocket_m) - half)
 
 
 @dataclass(frozen=True, slots=True)
