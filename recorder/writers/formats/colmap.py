@@ -290,9 +290,6 @@ class ColmapWriter(FollowingWriter):
             frame["weather_paths"] = twins
         return frame
 
-    def _drop(self) -> None:
-        self._waiting.clear()
-
 
 def _one_a_cell(seeds: list[NDArray[np.void]]) -> NDArray[np.void]:
     """The first seed of each cell, in their order."""

@@ -93,6 +93,3 @@ class DopplerIcpWriter(FollowingWriter):
             after_ns = np.array(self._stamps_ns) - self._stamps_ns[0]
             text = tum_text(after_ns, T[:, :3, 3], transforms.matrix_to_quat(T[:, :3, :3]))
         (self._part / "ref_poses.txt").write_text(text, encoding="utf-8")
-
-    def _drop(self) -> None:
-        """No file is open."""
