@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.atomic_files import (
-    atomic_write,
     check_room,
     part_path,
     remove,
+    write_whole,
 )
 from carlaloc_env.samples import Image, Sample
 
@@ -221,9 +221,7 @@ def write_text(path: str | Path, text: str) -> Path:
     path = Path(path)
     if path.exists():
         raise WriterError(f"{path} exists; choose another folder or delete it first")
-    with atomic_write(path, WriterError) as part:
-        part.write_text(text, encoding="utf-8")
-    return path
+    return write_whole(path, text, WriterError)
 
 
 def png_of(pixels: NDArray[Any], name: str, options: Sequence[int] = PNG_RUN_LENGTHS) -> bytes:
