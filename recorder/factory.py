@@ -11,7 +11,7 @@ import logging
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from recorder.drive.standard_drives import ROUTE_M, STANDARD_SEEDS, expected_dri
 from recorder.episode.episode import Episode
 from recorder.replaying.conditions import conditions_of
 from recorder.replaying.cost import ReplayCost, replay_cost
-from recorder.replaying.options import ReplayConfig, ReplayOptions, rig_of
+from recorder.replaying.options import ReplayOptions, rig_of
 from recorder.replaying.replay import replay
 from recorder.replaying.working_folder import busy
 from recorder.writers.stream_sizes import Stretch
@@ -273,9 +273,7 @@ def _make_drive(config: DatasetConfig, town: str, report: _DriveProgress, later_
     """Replay a drive, or resume its replay."""
     begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
     _log.info("replaying %s", town)
-    options = {field.name: getattr(config.replay, field.name) for field in fields(ReplayOptions)}
-    replayed = ReplayConfig(
-        **options,
+    replayed = config.replay.of_drive(
         episode=DatasetFolder(config.out).episode(town),
         out=config.out,
         start_s=begin_s,
