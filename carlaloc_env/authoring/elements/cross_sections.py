@@ -283,16 +283,13 @@ def border_mark(lane: LanePlan, outer: LanePlan | None, raised_median: bool, mar
     if lane.kind == "median" and raised_median:
         return Mark(0.0, "curb", "standard", 0.15)
     if lane.kind == "driving" and outer.kind == "driving":
-        return replace(bare, change="both") if marks != "full" else _broken()
+        broken = Mark(0.0, "broken", change="both", dash=(3.0, 6.0))
+        return broken if marks == "full" else replace(bare, change="both")
     if marks == "none":
         return bare
     if lane.kind == "median" or (outer.kind == "driving" and lane.key.endswith(":inner")):
         return Mark(0.0, "solid", "yellow")
     return Mark(0.0, "solid") if lane.kind == "driving" else bare
-
-
-def _broken() -> Mark:
-    return Mark(0.0, "broken", change="both", dash=(3.0, 6.0))
 
 
 def _centre_mark(cross: CrossSection, sides: dict[str, list[LanePlan]]) -> Mark:
