@@ -57,14 +57,10 @@ class Piece:
 
 
 class Encoder(ABC):
-    """Makes pieces of samples for one format; it touches no file.
+    """Makes pieces of samples for one format; it touches no file."""
 
-    Args:
-        epoch_ns: Unix time of the drive's beginning [ns].
-    """
-
-    def __init__(self, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
-        self.epoch_ns = epoch_ns
+    epoch_ns = DEFAULT_EPOCH_NS
+    """Unix time of the drive's beginning [ns]."""
 
     @abstractmethod
     def encode(self, sample: Sample) -> list[Piece]:

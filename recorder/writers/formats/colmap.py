@@ -20,7 +20,7 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.cells import first_in_cells
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, png_of
+from recorder.writers.base import Encoder, Piece, png_of
 from recorder.writers.formats.ego_path import FollowingWriter, is_pose, pose_piece
 from recorder.writers.formats.ply import ply_bytes
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
@@ -48,13 +48,9 @@ class ColmapEncoder(Encoder):
     Args:
         calibration: The rig.
         streams: Names of all streams that will come.
-        epoch_ns: Unix time of the drive's beginning [ns].
     """
 
-    def __init__(
-        self, calibration: RigCalibration, streams: tuple[str, ...], *, epoch_ns: int = DEFAULT_EPOCH_NS
-    ) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration, streams: tuple[str, ...]) -> None:
         self.calibration = calibration
         lidar = calibration.lidar
         labelled = f"{lidar.name}_semantic" if lidar is not None else ""

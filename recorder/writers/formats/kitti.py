@@ -15,7 +15,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, PointCloud, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, close_unfinished, png_of
+from recorder.writers.base import Encoder, Piece, close_unfinished, png_of
 from recorder.writers.formats.ego_path import POSE, FollowingWriter, is_pose, pose_piece
 from recorder.writers.formats.semantic_kitti import semantic_kitti_labels
 from recorder.writers.formats.sweep_points import POINT, point_rows
@@ -34,14 +34,12 @@ class KittiEncoder(Encoder):
 
     Args:
         calibration: The rig; it must have a LiDAR.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: the rig has no LiDAR.
     """
 
-    def __init__(self, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration) -> None:
         if calibration.lidar is None:
             raise WriterError("the KITTI format needs a LiDAR; add one to the rig")
         self.calibration = calibration

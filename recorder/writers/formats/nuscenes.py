@@ -21,7 +21,7 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, PointCloud, RadarScan, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, jpeg_of, png_of
+from recorder.writers.base import Encoder, Piece, jpeg_of, png_of
 from recorder.writers.formats.ego_path import FollowingWriter, is_pose, pose_piece
 from recorder.writers.formats.nuscenes_boxes import OBJECTS, ActorTracks, Boxes, objects_piece, points_in
 from recorder.writers.formats.nuscenes_tables import (
@@ -99,16 +99,12 @@ class NuscenesEncoder(Encoder):
     Args:
         calibration: The rig; it must have a LiDAR.
         streams: Names of all streams that will come.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: the rig has no LiDAR.
     """
 
-    def __init__(
-        self, calibration: RigCalibration, streams: tuple[str, ...], *, epoch_ns: int = DEFAULT_EPOCH_NS
-    ) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration, streams: tuple[str, ...]) -> None:
         self.channels = channels_of(calibration, streams)
         self._cameras = {camera.stream: camera for camera in calibration.cameras}
         self._maps: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = {}

@@ -21,7 +21,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.elementary import arctan2
 from carlaloc_env.scene.semantic_tags import Tag
-from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, png_of
+from recorder.writers.base import Piece, png_of
 from recorder.writers.formats.nuscenes import NuscenesEncoder, PerceptionWriter
 from recorder.writers.formats.nuscenes_boxes import SLACK_M, Boxes, points_in
 from recorder.writers.formats.nuscenes_tables import Channel
@@ -66,16 +66,13 @@ class Opv2vEncoder(NuscenesEncoder):
     Args:
         calibration: The rig; it must have a LiDAR.
         streams: Names of all streams that will come.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: the rig has no LiDAR.
     """
 
-    def __init__(
-        self, calibration: RigCalibration, streams: tuple[str, ...], *, epoch_ns: int = DEFAULT_EPOCH_NS
-    ) -> None:
-        super().__init__(calibration, streams, epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration, streams: tuple[str, ...]) -> None:
+        super().__init__(calibration, streams)
         kept = ("LIDAR_TOP", *CAMERAS)
         self.channels = {s: channel for s, channel in self.channels.items() if channel.name in kept}
 
