@@ -11,16 +11,16 @@ import logging
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, WriterError
-from carlaloc_env.core.files.atomic_files import atomic_write, remove
+from carlaloc_env.core.files.atomic_files import atomic_write
 from carlaloc_env.core.files.config_files import set_paths
-from carlaloc_env.core.files.file_locks import claim
+from carlaloc_env.core.files.file_locks import take_lock
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.map.sources import ALIASES, known_towns
 from carlaloc_env.rigs.presets import RIG_RIDES
@@ -30,9 +30,9 @@ from recorder.drive.standard_drives import ROUTE_M, STANDARD_SEEDS, expected_dri
 from recorder.episode.episode import Episode
 from recorder.replaying.conditions import conditions_of
 from recorder.replaying.cost import ReplayCost, replay_cost
-from recorder.replaying.options import ReplayConfig, ReplayOptions, rig_of
+from recorder.replaying.options import ReplayOptions, rig_of
 from recorder.replaying.replay import replay
-from recorder.replaying.working_folder import OWNER, busy
+from recorder.replaying.working_folder import busy
 from recorder.writers.stream_sizes import Stretch
 
 SAMPLE_FROM_S = 8.0
@@ -233,8 +233,8 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
     """
     (out / WORK).mkdir(parents=True, exist_ok=True)
     with (out / WORK / "recipe.json").open("a+", encoding="utf-8") as file:
-        if (holder := claim(out / WORK / OWNER, file)) is not None:
-            raise WriterError(busy(out, holder))
+        if not take_lock(file):
+            raise WriterError(busy(out))
         file.seek(0)
         text = file.read()
         begun_recipe: Any = json.loads(text) if text else {}
@@ -248,10 +248,7 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
         if not text:
             file.write(json.dumps(recipe))
             file.flush()
-        try:
-            yield
-        finally:
-            remove(out / WORK / OWNER)
+        yield
 
 
 def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None:
@@ -276,9 +273,7 @@ def _make_drive(config: DatasetConfig, town: str, report: _DriveProgress, later_
     """Replay a drive, or resume its replay."""
     begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
     _log.info("replaying %s", town)
-    options = {field.name: getattr(config.replay, field.name) for field in fields(ReplayOptions)}
-    replayed = ReplayConfig(
-        **options,
+    replayed = config.replay.of_drive(
         episode=DatasetFolder(config.out).episode(town),
         out=config.out,
         start_s=begin_s,

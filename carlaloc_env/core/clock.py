@@ -39,11 +39,9 @@ class Schedule:
 
     period_ticks: int
     """Ticks between two measurements."""
-    phase_ticks: int = 0
-    """Tick of the first measurement."""
 
     @classmethod
-    def from_hz(cls, rate_hz: float, phase_ticks: int = 0) -> Schedule:
+    def from_hz(cls, rate_hz: float) -> Schedule:
         """Schedule of a rate [Hz] that divides the tick rate.
 
         Raises:
@@ -55,15 +53,12 @@ class Schedule:
                 f"{rate_hz:g} Hz does not divide the {TICK_HZ} Hz tick; use one of "
                 f"{', '.join(str(TICK_HZ // p) for p in (1, 2, 4, 5, 8, 10, 20, 40, 100, 200))} Hz"
             )
-        return cls(int(period), phase_ticks)
+        return cls(int(period))
 
     def ticks_in(self, first_tick: int, end_tick: int) -> range:
         """Ticks of all measurements in ``[first_tick, end_tick)``."""
-        begin = max(first_tick, self.phase_ticks)
-        behind = (begin - self.phase_ticks) % self.period_ticks
-        return range(
-            begin if behind == 0 else begin + self.period_ticks - behind, end_tick, self.period_ticks
-        )
+        first = -(-max(first_tick, 0) // self.period_ticks) * self.period_ticks
+        return range(first, end_tick, self.period_ticks)
 
     def stamps_ns_in(self, first_ns: int, end_ns: int) -> list[int]:
         """Stamps [ns] of all measurements in ``[first_ns, end_ns)``."""

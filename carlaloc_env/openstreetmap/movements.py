@@ -32,7 +32,8 @@ def find_movements(
         onward = onward or ([] if leg.outgoing else targets)
         by_turn: dict[str, list[int]] = {"left": [], "straight": [], "right": []}
         for j in sorted(onward, key=lambda j: -turn_angle(leg, legs[j])):
-            by_turn[_turn(turn_angle(leg, legs[j]))].append(j)
+            angle = turn_angle(leg, legs[j])
+            by_turn["straight" if abs(angle) <= STRAIGHT_RAD else "left" if angle > 0 else "right"].append(j)
         own: list[Movement] = []
         for turn, group in by_turn.items():
             for j in group:
@@ -51,10 +52,6 @@ def find_movements(
         if count and not all(i in legs_used for legs_used in used):
             movements.append(Movement(i, i, tuple((k, k) for k in range(count)), "back"))
     return movements
-
-
-def _turn(angle: float) -> str:
-    return "straight" if abs(angle) <= STRAIGHT_RAD else "left" if angle > 0 else "right"
 
 
 def _pairs(

@@ -54,7 +54,8 @@ class RayScene:
             np.round(town.bounds_m.mean(axis=0, dtype=np.float64)) if len(town.triangles) else np.zeros(3)
         )
         """Origin of the coordinates of `trace` [m], world, shape (3,)."""
-        self._static = Surface(self._o3d, _moved(town, -self.middle_m), origin_m=self.middle_m, shared=True)
+        near = dataclasses.replace(town, vertices_m=(town.vertices_m - self.middle_m).astype(np.float32))
+        self._static = Surface(self._o3d, near, origin_m=self.middle_m, shared=True)
         self._models: dict[tuple[int, int], Surface] = {}
         self._extents: dict[int, Array] = {}
 
@@ -231,10 +232,6 @@ def _packed(origins_m: Array, directions: Array) -> F32:
     rays = np.empty((len(origins_m), 6), dtype=np.float32)
     rays[:, :3], rays[:, 3:] = origins_m, directions
     return rays
-
-
-def _moved(mesh: Mesh, by_m: Array) -> Mesh:
-    return dataclasses.replace(mesh, vertices_m=(mesh.vertices_m + by_m).astype(np.float32))
 
 
 def into_actor_frame(

@@ -70,11 +70,6 @@ class ObjectList(Sample):
         return f"ObjectList(stamp_ns={self.stamp_ns}, {len(self.id)} objects)"
 
     @property
-    def occluded(self) -> NDArray[np.float64]:
-        """Share that is hidden behind other things, shape (N,)."""
-        return 1.0 - self.visible
-
-    @property
     def quat_xyzw(self) -> NDArray[np.float64]:
         """Attitudes, map box to world, shape (N, 4)."""
         return transforms.rpy_to_quat(self.roll_rad, -self.pitch_rad, self.heading_rad)

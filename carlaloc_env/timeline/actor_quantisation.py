@@ -53,7 +53,7 @@ def encode_actors(frame: ActorFrame) -> ActorCodes:
         position=_steps(frame.position_m, POSITION_STEP_M).astype(np.int32),
         heading=_angles(frame.heading_rad),
         pitch=_angles(frame.pitch_rad),
-        speed=_clipped(_steps(frame.speed_mps, SPEED_STEP_MPS)),
+        speed=np.clip(_steps(frame.speed_mps, SPEED_STEP_MPS), -_INT16_MAX, _INT16_MAX).astype(np.int16),
         travelled=_steps(frame.travelled_m, TRAVEL_STEP_M).astype(np.int32),
         steer=_angles(frame.steer_rad),
         lights=frame.lights,
@@ -116,10 +116,6 @@ def _steps(values: NDArray[np.float32], step: float) -> NDArray[np.float64]:
 def _angles(values_rad: NDArray[np.float32]) -> NDArray[np.int16]:
     """Codes of angles, a full turn wrapping round."""
     return _steps(values_rad, ANGLE_STEP_RAD).astype(np.int64).astype(np.uint16).view(np.int16)
-
-
-def _clipped(steps: NDArray[np.float64]) -> NDArray[np.int16]:
-    return np.clip(steps, -_INT16_MAX, _INT16_MAX).astype(np.int16)
 
 
 def _values(codes: NDArray[np.int16] | NDArray[np.int32], step: float) -> NDArray[np.float32]:

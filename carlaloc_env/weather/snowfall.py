@@ -11,10 +11,11 @@ import math
 
 from carlaloc_env.core import elementary
 
-DENSITY_GPCM3 = 0.1
-"""Density of flakes [g/cm³]: 0.01 to 0.2 are observed (Hahner et al., "LiDAR snowfall simulation", 2022)."""
 SWELLING = 2.154434690031884
-"""Diameter of a flake over that of its drop: the cube root of water's density over the flake's."""
+"""Diameter of a flake over that of its drop: the cube root of water's density over the flake's, 0.1 g/cm³.
+
+Of flakes, 0.01 to 0.2 g/cm³ are observed (Hahner et al., "LiDAR snowfall simulation", 2022).
+"""
 ALBEDO = 0.9
 """Share of the light that a flake throws back, in the visible and at 905 nm (Hahner et al. 2022)."""
 

@@ -10,9 +10,9 @@ The drive's loop: R → E → hill → H → N → J → R, always in the left l
 """
 
 from carlaloc_env.authoring.elements.cross_sections import CrossSection
-from carlaloc_env.authoring.geometry.elevation import Climb, Dip
 
 from .authoring.plan import TownPlan
+from .authoring.profiles import Climb, Dip
 from .authoring.roundabouts import RoundaboutShape
 
 PROJECTION = "+proj=tmerc +lat_0=49.0 +lon_0=8.43 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"

@@ -17,13 +17,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from carlaloc_env.authoring.elements.cross_sections import BARE, CrossSection
-from carlaloc_env.authoring.geometry.elevation import Climb, Profile
+from carlaloc_env.authoring.elements.cross_sections import CrossSection
 from carlaloc_env.authoring.geometry.newton import solve
-from carlaloc_env.authoring.geometry.path_operations import meeting
 from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose
 
-from .authoring.plan import TownPlan
+from .authoring.curves import meeting
+from .authoring.plan import BARE, TownPlan
+from .authoring.profiles import Climb, Profile
 from .authoring.ramps import Exit, Gore, Merge, OnRay
 
 PROJECTION = "+proj=tmerc +lat_0=48.99 +lon_0=8.52 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"

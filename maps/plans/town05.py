@@ -16,10 +16,11 @@ import itertools
 import math
 
 from carlaloc_env.authoring.elements.cross_sections import CrossSection
-from carlaloc_env.authoring.geometry.elevation import Profile
-from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, fillet
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece
 
+from .authoring.curves import fillet
 from .authoring.plan import TownPlan
+from .authoring.profiles import Profile
 from .authoring.ramps import Exit, Gore, Merge, OnRay, ramp_end
 
 PROJECTION = "+proj=tmerc +lat_0=41.88 +lon_0=-87.63 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"

@@ -13,11 +13,11 @@ The drive: eastwards along the highway in its right lane, over into the auxiliar
 
 from typing import Any
 
-from carlaloc_env.authoring.elements.cross_sections import BARE, CrossSection
-from carlaloc_env.authoring.geometry.elevation import Profile
+from carlaloc_env.authoring.elements.cross_sections import CrossSection
 
 from .authoring.auxiliary_lanes import ExtraLane
-from .authoring.plan import TownPlan
+from .authoring.plan import BARE, TownPlan
+from .authoring.profiles import Profile
 from .authoring.ramps import Exit, Merge, OnRay
 
 PROJECTION = "+proj=tmerc +lat_0=49.05 +lon_0=8.3 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"

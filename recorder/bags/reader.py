@@ -20,7 +20,6 @@ from rosbags.rosbag2.storage_mcap import McapReader, get_msgdef
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from recorder.bags.definitions import add_definitions
 from recorder.bags.files import files_of_bag
 
 _LOG = logging.getLogger(__name__)
@@ -58,7 +57,7 @@ def open_bag(bag: Path) -> Iterator[AnyReader]:
                 reader.readers = [_Lenient(part) for part in reader.readers]  # type: ignore[assignment]
                 stack.enter_context(reader)
             if reader.is2:
-                add_definitions(reader, paths[0], bag)
+                _add_definitions(reader)
         yield reader
 
 
@@ -100,6 +99,19 @@ class _McapFile(McapReader):
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
         read = super().messages if self.chunks else self.messages_scan
         yield from read(connections, start, stop)
+
+
+def _add_definitions(reader: AnyReader) -> None:
+    """Let a reader of ROS 2 know standard messages that the bag does not define, as until Humble.
+
+    Those that are read here are the same in all distributions.
+    """
+    own = reader.typestore
+    bare = {c.msgtype for c in reader.connections if c.msgdef.format == MessageDefinitionFormat.NONE}
+    if bare - own.fielddefs.keys():
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        for kind in store.fielddefs.keys() - own.fielddefs.keys():
+            own.fielddefs[kind], own.types[kind] = store.fielddefs[kind], store.types[kind]
 
 
 def _definition(schema: storage_mcap.Schema | None) -> MessageDefinition:

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from recorder.benchmark.plan import Job
 from recorder.benchmark.run import BenchmarkResult
 from recorder.dataset.sequence import SlamSequence
@@ -53,8 +53,7 @@ def write_cars(result: BenchmarkResult) -> tuple[list[Path], list[dict[str, Any]
     if not len(table):
         return [], []
     path = result.out / FILE
-    with atomic_write(path, EvaluationError) as part:
-        part.write_text(table.to_csv(index=False), encoding="utf-8")
+    write_whole(path, table.to_csv(index=False), EvaluationError)
     rows: list[dict[str, Any]] = table.to_dict("records")
     return [path], rows
 

@@ -14,7 +14,7 @@ from jinja2 import Environment
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from recorder.benchmark.cells import traffic_label
 from recorder.benchmark.headline import headline
 from recorder.benchmark.plan import BenchmarkSequence, Job
@@ -75,9 +75,7 @@ def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
         sections=sections,
     )
     path = result.out / PAGE
-    with atomic_write(path, EvaluationError) as part:
-        part.write_text(text, encoding="utf-8")
-    return path
+    return write_whole(path, text, EvaluationError)
 
 
 def write_benchmark_report(result: BenchmarkResult, more: Tables = ()) -> list[Path]:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.benchmark.score import Score, score_run
@@ -42,8 +42,7 @@ def keep(job: Job, record: RunRecord, config: BenchmarkConfig, fingerprint: str)
         "score": asdict(score),
         "record": asdict(record),
     }
-    with atomic_write(folder / RESULT) as part:
-        part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    write_whole(folder / RESULT, json.dumps(document, indent=1) + "\n")
     return score
 
 

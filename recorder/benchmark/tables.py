@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write, write_whole
 from recorder.benchmark.cells import CONDITION, best, cells, ratios, traffic_label
 from recorder.benchmark.score import Score
 from recorder.dataset.sequence import RAW
@@ -54,8 +54,7 @@ def write_tables(runs: pd.DataFrame, tables: Tables, out: Path) -> list[Path]:
     texts = {"results.csv": csv_text(runs), "tables.md": markdown(tables), "tables.tex": latex(tables)}
     written = [out / name for name in texts]
     for path, text in zip(written, texts.values(), strict=True):
-        with atomic_write(path, EvaluationError) as part:
-            part.write_text(text, encoding="utf-8")
+        write_whole(path, text, EvaluationError)
     if find_spec("pyarrow") is not None:
         written.append(out / "results.parquet")
         with atomic_write(written[-1], EvaluationError) as part:

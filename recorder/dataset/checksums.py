@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from carlaloc_env.core.files.text_files import read_text
 from recorder.dataset.layout import CHECKSUMS, files_below
 
@@ -27,8 +27,7 @@ def write_checksums(folder: Path) -> None:
         inner = file.parent.relative_to(folder)
         digests |= {str(inner / name): digest for name, digest in read_checksums(file.parent).items()}
     lines = [f"{digests.get(name) or file_sha256(folder / name)}  {name}\n" for name in _names(folder)]
-    with atomic_write(folder / CHECKSUMS, WriterError) as part:
-        part.write_text("".join(lines), encoding="utf-8")
+    write_whole(folder / CHECKSUMS, "".join(lines), WriterError)
 
 
 def read_checksums(folder: Path, error: type[CarlaLocError] = ConfigError) -> dict[str, str]:

@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from carlaloc_env.core.files.library_versions import library_version
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
@@ -184,8 +184,7 @@ def write_manifest(
         },
         "sequences": [str(folder.path.relative_to(out)) for folder in sequences_below(out)],
     }
-    with atomic_write(out / DATASET, WriterError) as part:
-        part.write_text(as_yaml(document), encoding="utf-8")
+    write_whole(out / DATASET, as_yaml(document), WriterError)
     write_checksums(out)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from recorder.demo.answers import CONDITIONS, Answer, answer_to_first
 from recorder.demo.story import LOOK
 
@@ -101,9 +101,7 @@ def write_index(
         text += _NEXT
     path = out / INDEX
     # A browser may read it at any time.
-    with atomic_write(path) as part:
-        part.write_text(text + "</html>\n", encoding="utf-8")
-    return path
+    return write_whole(path, text + "</html>\n")
 
 
 def _film(path: Path) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, DeviceError, OutputError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from carlaloc_env.core.files.config_files import from_mapping, to_mapping
 from carlaloc_env.core.files.output_paths import user_folder
 from carlaloc_env.core.files.text_files import read_text
@@ -111,9 +111,8 @@ def save_profile(profile: DeviceProfile, folder: Path | None = None) -> Path:
     stem = "".join(c if c.isalnum() else "_" for c in profile.name.lower()).strip("_") or "device"
     path = folder / f"{stem}.yaml"
     values: dict[str, Any] = {k: v for k, v in to_mapping(profile).items() if v not in (None, [], {})}
-    with atomic_write(path, DeviceError, "set XDG_CONFIG_HOME") as part:
-        part.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
-    return path
+    text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
+    return write_whole(path, text, DeviceError, "set XDG_CONFIG_HOME")
 
 
 def known_profiles(folder: Path | None = None) -> list[DeviceProfile]:

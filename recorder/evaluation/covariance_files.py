@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from carlaloc_env.core.files.text_files import read_text
 from recorder.evaluation.trajectory import Trajectory
 
@@ -38,9 +38,8 @@ def write_covariances(path: Path, trajectory: Trajectory, covariance: Array) -> 
     """
     lines = stamped_lines(trajectory.stamp_ns, covariance[:, _ROWS, _COLUMNS])
     head = [f"{key} {word}" for key, word in _HEADER.items()]
-    with atomic_write(path.with_suffix(SUFFIX), EvaluationError) as part:
-        part.write_text("\n".join([*head, "# timestamp c11 c21 c22 c31 … c66", *lines]) + "\n", "utf-8")
-    return path.with_suffix(SUFFIX)
+    text = "\n".join([*head, "# timestamp c11 c21 c22 c31 … c66", *lines]) + "\n"
+    return write_whole(path.with_suffix(SUFFIX), text, EvaluationError)
 
 
 def stamped_lines(stamp_ns: NDArray[np.int64], values: Array) -> list[str]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from carlaloc_env.core.transforms import rpy_to_quat
 from recorder.evaluation.covariance_files import stamped_lines
 from recorder.evaluation.pose_columns import PoseColumns, columns_by_name, columns_by_place, has_units
@@ -236,6 +236,4 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> Path:
     """
     path = Path(path)
     text = tum_text(trajectory.stamp_ns, trajectory.position_m, trajectory.quat_xyzw)
-    with atomic_write(path, EvaluationError) as part:
-        part.write_text(text, encoding="utf-8")
-    return path
+    return write_whole(path, text, EvaluationError)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, MissingDependencyError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write, write_whole
 from carlaloc_env.core.files.output_paths import path_below
 from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.run import run_benchmark
@@ -199,7 +199,7 @@ def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -
     import pandas as pd
 
     from recorder.replaying.condition_file import ConditionFile
-    from recorder.replaying.replay import ReplayConfig, replay
+    from recorder.replaying.replay import replay
 
     rows = [
         {"start_s": tried.start_s, "distance": tried.distance, "failed": tried.failed,
@@ -219,8 +219,7 @@ def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -
             start_s=tried.start_s, duration_s=config.stretch_s, seed=config.sweep.drives.options.seed,
         )  # fmt: skip
         written.append(out / f"{name}.yaml")
-        with atomic_write(written[-1]) as part:
-            part.write_text(condition.to_yaml(), encoding="utf-8")
+        write_whole(written[-1], condition.to_yaml())
     folder = out / "counter_example"
     if result.broken is not None and not folder.exists():
         tried, drives = result.broken, config.sweep.drives
@@ -228,10 +227,9 @@ def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -
             drives.options, weathers=(tried.setting.weather,), traffic=(tried.setting.traffic,),
             lidar_weather=tried.setting.lidar_weather, faults=tried.setting.faults, formats=("rosbag1",),
         )  # fmt: skip
-        fields = {name: getattr(options, name) for name in options.__dataclass_fields__}
         replay(
-            ReplayConfig(
-                **fields, episode=drives.episodes[0], out=folder, start_s=tried.start_s,
+            options.of_drive(
+                episode=drives.episodes[0], out=folder, start_s=tried.start_s,
                 duration_s=config.stretch_s, map=drives.map,
             )
         )  # fmt: skip

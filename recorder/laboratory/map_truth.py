@@ -9,6 +9,7 @@ import numpy as np
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array, Mask
+from carlaloc_env.core.cells import first_in_cells
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.rigs.presets import rig_by_name
@@ -184,13 +185,7 @@ def transform_of_map(result: EvaluationResult) -> Similarity:
 
 def thinned(points_m: Array, voxel_m: float) -> Array:
     """The first point in each voxel of a grid, shape (M, 3); all of them where the edge is 0 m."""
-    if not voxel_m or not len(points_m):
-        return points_m
-    cell = np.floor(points_m / voxel_m).astype(np.int64)
-    cell -= cell.min(axis=0)
-    size = cell.max(axis=0) + 1
-    key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
-    return points_m[np.sort(np.unique(key, return_index=True)[1])]
+    return points_m[first_in_cells(points_m, voxel_m)] if voxel_m else points_m
 
 
 def build_map(scans: Iterable[Scan], poses: Trajectory, *, voxel_m: float = 0.1) -> Array:

@@ -70,7 +70,8 @@ def pose_errors(
     if len(common) < 2:
         raise EvaluationError(f"{len(runs)} runs of '{runs[0].estimate.name}' have no two stamps in common")
     T_true = _poses(truth.at(common))
-    T = np.stack([_poses(_some(run.estimate, common)) for run in runs])
+    estimates = [run.estimate.take(np.searchsorted(run.estimate.stamp_ns, common)) for run in runs]
+    T = np.stack([_poses(estimate) for estimate in estimates])
     covariance = None
     if all(run.covariance is not None for run in runs):
         covariance = np.stack([_rows(run, common) for run in runs])
@@ -116,10 +117,6 @@ def _between(
 
 def _poses(trajectory: Trajectory) -> Array:
     return transform(trajectory.position_m, trajectory.quat_xyzw)
-
-
-def _some(trajectory: Trajectory, stamp_ns: NDArray[np.int64]) -> Trajectory:
-    return trajectory.take(np.searchsorted(trajectory.stamp_ns, stamp_ns))
 
 
 def _rows(run: Run, stamp_ns: NDArray[np.int64]) -> Array:

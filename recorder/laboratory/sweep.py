@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from carlaloc_env.faults.faults import Faults, fault_quantity
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.presets import (
@@ -30,7 +30,7 @@ from recorder.drive.change_traffic import change_traffic
 from recorder.episode.episode import open_episode
 from recorder.episode.traffic_level import LEVELS, traffic_level
 from recorder.replaying.conditions import Condition
-from recorder.replaying.options import ReplayConfig, ReplayOptions, rig_of
+from recorder.replaying.options import rig_of
 from recorder.streaming.drive import DriveConfig, describe_drive
 
 TRAFFIC, FAULT, RIG = "traffic", "fault.", "rig."
@@ -274,8 +274,7 @@ def _described(config: SweepConfig, group: _Group) -> dict[Setting, BenchmarkSeq
     if group.setting.rig:
         group.out.parent.mkdir(parents=True, exist_ok=True)
         file = group.out.with_name(f"{group.out.name}.yaml")
-        with atomic_write(file) as part:
-            part.write_text(_rig(config, group.setting).to_yaml(), encoding="utf-8")
+        write_whole(file, _rig(config, group.setting).to_yaml())
         rig = str(file)
     options = replace(
         drives.options, weathers=tuple(dict.fromkeys(setting.weather for setting in settings)),
@@ -283,8 +282,7 @@ def _described(config: SweepConfig, group: _Group) -> dict[Setting, BenchmarkSeq
         lidar_weather=group.setting.lidar_weather, faults=group.setting.faults.calibration, seed=group.seed,
         workers=1, rig=rig,
     )  # fmt: skip
-    replayed = ReplayConfig(
-        **{option.name: getattr(options, option.name) for option in fields(ReplayOptions)},
+    replayed = options.of_drive(
         episode=group.episode, out=group.out, map=drives.map,
         start_s=drives.start_s, duration_s=drives.duration_s,
     )  # fmt: skip

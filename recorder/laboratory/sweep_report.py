@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write, write_whole
 from recorder.benchmark.page import page_head
 from recorder.benchmark.tables import RULE
 from recorder.evaluation.confidence import CONFIDENCE
@@ -38,13 +38,11 @@ def write_sweep_report(result: SweepResult) -> list[Path]:
     areas = areas_of(curves, axes)
     tables = {"runs.csv": result.runs, "curves.csv": curves, "areas.csv": areas}
     for name, table in tables.items():
-        with atomic_write(out / name, EvaluationError) as part:
-            part.write_text(table.to_csv(index=False, na_rep="nan"), encoding="utf-8")
+        write_whole(out / name, table.to_csv(index=False, na_rep="nan"), EvaluationError)
     figures = {axis: out / f"{axis.name}.png" for axis in axes}
     for axis, path in figures.items():
         draw_axis(curves[curves["axis"] == axis.name], axis, path)
-    with atomic_write(out / "sweep.html", EvaluationError) as part:
-        part.write_text(_page(result, curves, areas, figures), encoding="utf-8")
+    write_whole(out / "sweep.html", _page(result, curves, areas, figures), EvaluationError)
     return [*(out / name for name in tables), *figures.values(), out / "sweep.html"]
 
 

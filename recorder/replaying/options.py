@@ -2,8 +2,9 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
@@ -74,6 +75,10 @@ class ReplayOptions:
             raise ConfigError(f"units of {self.unit_s:g} s; give at least {STEP_NS / 1e9:g} s")
         if self.seed is not None and self.seed < 0:
             raise ConfigError(f"seed {self.seed}; give a number that is not negative")
+
+    def of_drive(self, **drive: Any) -> "ReplayConfig":
+        """The replay of a drive with these options; fields of `ReplayConfig` are added or replaced."""
+        return ReplayConfig(**({f.name: getattr(self, f.name) for f in fields(ReplayOptions)} | drive))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

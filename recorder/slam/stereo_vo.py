@@ -64,12 +64,9 @@ class StereoOdometry:
         focal_px: Focal length [px].
         centre_px: Principal point [px], shape (2,).
         baseline_m: Distance of the cameras [m].
-        adjusted: Whether keyframes are adjusted together.
     """
 
-    def __init__(
-        self, focal_px: float, centre_px: Array, baseline_m: float, *, adjusted: bool = True
-    ) -> None:
+    def __init__(self, focal_px: float, centre_px: Array, baseline_m: float) -> None:
         self._focal_px, self._centre_px, self._baseline_m = focal_px, centre_px, baseline_m
         self._K = np.array([[focal_px, 0, centre_px[0]], [0, focal_px, centre_px[1]], [0, 0, 1.0]])
         self._last: U8 | None = None
@@ -78,7 +75,7 @@ class StereoOdometry:
         )
         self._labels = 0
         camera = StereoCamera(focal_px=focal_px, centre_px=centre_px, baseline_m=baseline_m)
-        self._window = KeyframeWindow(camera) if adjusted else None
+        self._window = KeyframeWindow(camera)
         self.pose: Array = np.eye(4)
         """Maps the left camera to the world, shape (4, 4)."""
         self._step: Array = np.eye(4)
@@ -93,7 +90,7 @@ class StereoOdometry:
             is_measured = pose is not None
             self.pose = pose if pose is not None else before @ self._step
             self._step = np.linalg.inv(before) @ self.pose
-        if self._window is not None and not is_measured:
+        if not is_measured:
             self._window.clear()
         self._see(pair)
         self._last = pair.left
@@ -147,7 +144,7 @@ class StereoOdometry:
         if not self._is_keyframe():
             return
         right = np.concatenate([right, self._add_corners(pair)])
-        if self._window is not None and len(self._tracks.pixel):
+        if len(self._tracks.pixel):
             tracks = self._tracks
             seen = np.column_stack([tracks.pixel, right])
             self.pose, tracks.position_m = self._window.add(self.pose, tracks.label, seen, tracks.position_m)
@@ -155,7 +152,7 @@ class StereoOdometry:
     def _is_keyframe(self) -> bool:
         """Whether the view has changed enough, or too few landmarks are left."""
         tracks = self._tracks
-        last = self._window.newest if self._window is not None else None
+        last = self._window.newest
         if last is None:
             return len(tracks.pixel) < CORNERS_MIN
         if len(tracks.pixel) < KEYFRAME_SHARE * min(len(last.label), CORNERS_MIN):

@@ -8,11 +8,11 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, WriterError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.presets import weather_word
 from recorder.dataset.layout import SequenceFolder
@@ -136,15 +136,15 @@ def describe_drives(config: DriveConfig, out: Path) -> list[DriveStream]:
         EvaluationError: the rig has nothing that a SLAM system reads.
         WriterError: a folder describes another drive, rig or stretch.
     """
-    options = {field.name: getattr(config.options, field.name) for field in fields(ReplayOptions)}
     streams = []
     for episode in config.episodes:
-        first = options["seed"]
+        first = config.options.seed
         if first is None:
             first = open_episode(episode).header.seed
         for seed in range(first, first + config.noise_seeds):
-            replayed = ReplayConfig(
-                **{**options, "seed": seed, "workers": 1},
+            replayed = config.options.of_drive(
+                seed=seed,
+                workers=1,
                 episode=episode,
                 out=out / episode.stem / "_".join(filter(None, (f"seed{seed}", config.lidar))),
                 start_s=config.start_s,
@@ -198,8 +198,7 @@ def describe_drive(
 def _describe(plan: ReplayPlan, condition: Condition, file: Path, movers: Mapping[str, float]) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     description = describe(condition, rig=plan.rig, samples={}, movers=movers)
-    with atomic_write(file, WriterError) as part:
-        part.write_text(description.to_yaml(), encoding="utf-8")
+    write_whole(file, description.to_yaml(), WriterError)
 
 
 def _slam_rig(rig: SensorRig) -> SensorRig:

@@ -4,6 +4,7 @@ They need no truth, so they hold for anybody's clouds: sweeps are laid on a grid
 noise, edges, missing returns and intensities are read from neighbours on it.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -70,12 +71,13 @@ def lidar_metrics(scans: Sequence[Scan]) -> dict[str, float]:
     Raises:
         EvaluationError: points lie on no rings, or see no road.
     """
-    rows = [_metrics(sweep) for sweep in sweeps_of(scans)]
-    table = np.array([list(row.values()) for row in rows], np.float64)
-    is_measured = np.isfinite(table)
-    total = np.where(is_measured, table, 0.0).sum(axis=0)
-    means = np.where(is_measured.any(axis=0), total / np.maximum(is_measured.sum(axis=0), 1), np.nan)
-    return dict(zip(rows[0], means.tolist(), strict=True))
+    return means_of([_metrics(sweep) for sweep in sweeps_of(scans)])
+
+
+def means_of(rows: Sequence[dict[str, float]]) -> dict[str, float]:
+    """Means over sweeps or pictures of what each of them shows; NaN where none does."""
+    values = {name: [row[name] for row in rows if math.isfinite(row[name])] for name in rows[0]}
+    return {name: float(np.mean(numbers)) if numbers else math.nan for name, numbers in values.items()}
 
 
 def sweeps_of(scans: Sequence[Scan]) -> Iterator[Sweep]:

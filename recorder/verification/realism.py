@@ -27,7 +27,7 @@ from recorder.dataset.lidar_topics import cloud_connections, of_one_frame
 from recorder.dataset.point_times import time_rule
 from recorder.dataset.scans import Scan, scans_of
 from recorder.verification.imu_metrics import ImuLog, imu_metrics
-from recorder.verification.lidar_metrics import is_like_hdl32e, lidar_metrics, sweeps_of
+from recorder.verification.lidar_metrics import is_like_hdl32e, lidar_metrics, means_of, sweeps_of
 from recorder.verification.picture_metrics import REAL_PICTURES, picture_metrics
 from recorder.verification.real_ranges import (
     COMMA_SOURCE,
@@ -111,10 +111,8 @@ def measure_realism(
             _decoded(np.fromfile(file, np.uint8), str(file))
             for file in files[:: max(len(files) // _LOOKED_AT, 1)]
         ]
-        metrics = _metrics("pictures", _mean_of_pictures(pictures), REAL_PICTURES, PICTURE_SOURCE)
-        return Realism(
-            path=path, read={"pictures": f"{len(pictures)} of {len(files)} files"}, metrics=metrics
-        )
+        read = {"pictures": f"{len(pictures)} of {len(files)} files"}
+        return Realism(path=path, read=read, metrics=_of_pictures(pictures))
     with open_bag(path) as reader, refused_in_one_line(path):
         return _of_bag(path, reader, lidar, camera, imu)
 
@@ -162,8 +160,12 @@ def _of_clouds(path: Path, reader: AnyReader, topic: str | None) -> tuple[str, t
 
 def _of_images(reader: AnyReader, images: list[Connection]) -> tuple[str, tuple[RealismMetric, ...]]:
     pictures = [_picture(reader, c, raw) for c, _, raw in _evenly(reader, images)]
-    metrics = _metrics("pictures", _mean_of_pictures(pictures), REAL_PICTURES, PICTURE_SOURCE)
-    return f"{images[0].topic}, {len(pictures)} pictures", metrics
+    return f"{images[0].topic}, {len(pictures)} pictures", _of_pictures(pictures)
+
+
+def _of_pictures(pictures: Sequence[NDArray[np.uint8]]) -> tuple[RealismMetric, ...]:
+    means = means_of([picture_metrics(picture) for picture in pictures])
+    return _metrics("pictures", means, REAL_PICTURES, PICTURE_SOURCE)
 
 
 def _of_readings(reader: AnyReader, readings: list[Connection]) -> tuple[str, tuple[RealismMetric, ...]]:
@@ -229,13 +231,6 @@ def _scans(path: Path, reader: AnyReader, topic: str | None) -> tuple[list[Conne
     rule = time_rule(first, where)
     clouds = ((at, read_cloud(reader, c, raw, rule.field)) for c, at, raw in _evenly(reader, connections))
     return connections, list(scans_of(of_one_frame(clouds, where, frame), where, rule))
-
-
-def _mean_of_pictures(pictures: Sequence[NDArray[np.uint8]]) -> dict[str, float]:
-    """Means over pictures of what each of them shows."""
-    rows = [picture_metrics(picture) for picture in pictures]
-    values = {name: [row[name] for row in rows if not math.isnan(row[name])] for name in rows[0]}
-    return {name: float(np.mean(numbers)) if numbers else math.nan for name, numbers in values.items()}
 
 
 def _decoded(data: NDArray[np.uint8], what: str) -> NDArray[np.uint8]:

@@ -20,7 +20,7 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import write_whole
 from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.map.sources import known_towns
 from carlaloc_env.render.textures.build import build_textures
@@ -254,9 +254,7 @@ class ScenePage:
         text = (page / "scene.html").read_text("utf-8")
         for name, value in texts.items():
             text = text.replace(f"%{name}%", value)
-        with atomic_write(path) as part:
-            part.write_text(text, encoding="utf-8")
-        return path
+        return write_whole(path, text)
 
 
 def _hex(colour: tuple[int, int, int]) -> str:

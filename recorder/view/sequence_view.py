@@ -5,9 +5,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8, Array
+from carlaloc_env.core.cells import first_in_cells
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.sensors.camera_config import CameraConfig
@@ -98,13 +98,13 @@ def _log_clouds(recording: Recording, sequence: SlamSequence, period_s: float) -
         points = recording.rerun.Points3D(scan.points_xyz_m.astype(np.float32), radii=[0.03], **colour)
         recording.at(scan.stamp_ns, f"{BASE_LINK}/{lidar.frame_id}/points", points)
         world_m = in_world(scan, truth)
-        kept = _one_a_cell(world_m)
+        kept = first_in_cells(world_m, MAP_CELL_M)
         positions.append(world_m[kept])
         tags.append(np.zeros(len(kept), np.uint8) if scan.tag is None else scan.tag[kept])
     if not positions:
         return
     map_m, tag = np.concatenate(positions), np.concatenate(tags)
-    kept = _one_a_cell(map_m)
+    kept = first_in_cells(map_m, MAP_CELL_M)
     looks = {"class_ids": tag[kept]} if tag.any() else {"colors": [(150, 150, 160)]}
     recording.always(
         f"{WORLD}/map", recording.rerun.Points3D(map_m[kept].astype(np.float32), radii=[0.04], **looks)
@@ -136,13 +136,6 @@ def _shades(scan: Scan) -> U8:
     grey = (60 + 195 * np.clip(intensity, 0.0, 1.0)).astype(np.uint8)
     shades: U8 = np.repeat(grey[:, None], 3, axis=1)
     return shades
-
-
-def _one_a_cell(points_m: Array) -> NDArray[np.intp]:
-    """Rows of the first point of each cell of the map."""
-    cell = np.floor(points_m / MAP_CELL_M).astype(np.int64) & 0x1FFFFF
-    _, first = np.unique(cell[:, 0] << 42 | cell[:, 1] << 21 | cell[:, 2], return_index=True)
-    return np.sort(first)
 
 
 def _log_images(recording: Recording, sequence: SlamSequence, period_s: float) -> bool:

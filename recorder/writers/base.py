@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.atomic_files import (
-    atomic_write,
     check_room,
     part_path,
     remove,
+    write_whole,
 )
 from carlaloc_env.samples import Image, Sample
 
@@ -57,14 +57,10 @@ class Piece:
 
 
 class Encoder(ABC):
-    """Makes pieces of samples for one format; it touches no file.
+    """Makes pieces of samples for one format; it touches no file."""
 
-    Args:
-        epoch_ns: Unix time of the drive's beginning [ns].
-    """
-
-    def __init__(self, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
-        self.epoch_ns = epoch_ns
+    epoch_ns = DEFAULT_EPOCH_NS
+    """Unix time of the drive's beginning [ns]."""
 
     @abstractmethod
     def encode(self, sample: Sample) -> list[Piece]:
@@ -221,9 +217,7 @@ def write_text(path: str | Path, text: str) -> Path:
     path = Path(path)
     if path.exists():
         raise WriterError(f"{path} exists; choose another folder or delete it first")
-    with atomic_write(path, WriterError) as part:
-        part.write_text(text, encoding="utf-8")
-    return path
+    return write_whole(path, text, WriterError)
 
 
 def png_of(pixels: NDArray[Any], name: str, options: Sequence[int] = PNG_RUN_LENGTHS) -> bytes:

@@ -182,31 +182,18 @@ class RigCalibration:
     def from_configs(cls, configs: Iterable[SensorConfig]) -> RigCalibration:
         """Calibration of a rig's sensor configurations; the first IMU and LiDAR count."""
         configs = tuple(configs)
-        cameras: list[CameraCalibration] = []
-        imu: ImuCalibration | None = None
-        lidar: LidarCalibration | None = None
-        others: dict[str, Array] = {}
-        more_imus: list[ImuCalibration] = []
-        for config in configs:
-            T_base_sensor = config.mount.T_base_sensor
-            if config.kind == "camera":
-                cameras.append(_camera(config, T_base_sensor))
-            elif config.kind == "imu" and imu is None:
-                imu = _imu(config, T_base_sensor)
-            elif config.kind == "lidar" and lidar is None:
-                lidar = _lidar(config, T_base_sensor)
-            else:
-                others[config.frame_id] = T_base_sensor
-                if config.kind == "imu":
-                    more_imus.append(_imu(config, T_base_sensor))
-        made = cls.of(cameras=cameras, imu=imu, lidar=lidar, others=others, more_imus=more_imus)
-        return replace(made, sensors=configs)
+        cameras = [_camera(config) for config in configs if config.kind == "camera"]
+        imus = [_imu(config) for config in configs if config.kind == "imu"]
+        lidar = next((_lidar(config) for config in configs if config.kind == "lidar"), None)
+        made = cls.of(cameras=cameras, imu=imus[0] if imus else None, lidar=lidar, more_imus=imus[1:])
+        frames = {config.frame_id: config.mount.T_base_sensor for config in configs}
+        return replace(made, frames={**made.frames, **frames}, sensors=configs)
 
 
-def _camera(config: Any, T_base_camera: Array) -> CameraCalibration:
+def _camera(config: Any) -> CameraCalibration:
     return CameraCalibration(
         name=config.name,
-        T_base_camera=T_base_camera,
+        T_base_camera=config.mount.T_base_sensor,
         pinhole=config.pinhole,
         lens=config.lens,
         rate_hz=config.rate_hz,
@@ -215,10 +202,10 @@ def _camera(config: Any, T_base_camera: Array) -> CameraCalibration:
     )
 
 
-def _imu(config: Any, T_base_imu: Array) -> ImuCalibration:
+def _imu(config: Any) -> ImuCalibration:
     return ImuCalibration(
         name=config.name,
-        T_base_imu=T_base_imu,
+        T_base_imu=config.mount.T_base_sensor,
         rate_hz=config.rate_hz,
         accelerometer_noise_density=config.accel_noise_density,
         accelerometer_random_walk=config.accel_random_walk,
@@ -227,10 +214,10 @@ def _imu(config: Any, T_base_imu: Array) -> ImuCalibration:
     )
 
 
-def _lidar(config: Any, T_base_lidar: Array) -> LidarCalibration:
+def _lidar(config: Any) -> LidarCalibration:
     return LidarCalibration(
         name=config.name,
-        T_base_lidar=T_base_lidar,
+        T_base_lidar=config.mount.T_base_sensor,
         rate_hz=config.rate_hz,
         elevations_deg=tuple(e + config.elevation_offset_deg for e in config.elevations_deg),
         columns=config.columns_most,

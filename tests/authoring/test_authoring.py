@@ -127,13 +127,14 @@ def test_entry_and_exit_of_a_roundabout_meet_the_ring() -> None:
         shape.island_m * math.cos(angle), shape.island_m * math.sin(angle), angle + math.pi / 2
     )
     start = curves.Pose(-shape.arm_m, -1.5, 0.0)
-    entry = curves.ring_entry(start, ring, k, shape.first_spiral_m, shape.last_spiral_m)
+    plans = tool("maps.plans.authoring.curves")
+    entry = plans.ring_entry(start, ring, k, shape.first_spiral_m, shape.last_spiral_m)
     assert_continuous(entry)
     assert entry.pieces[-1].k1 == pytest.approx(k)
     x, y, h = walked(entry)
     assert (x, y) == pytest.approx((ring.x, ring.y), abs=1e-8)
     assert math.remainder(h - ring.h, math.tau) == pytest.approx(0.0, abs=1e-8)
-    leaving = curves.mirrored(entry, curves.Pose(0.0, 0.0, math.pi))
+    leaving = plans.mirrored(entry, curves.Pose(0.0, 0.0, math.pi))
     x, y, h = walked(leaving)
     assert (x, y) == pytest.approx((-shape.arm_m, 1.5), abs=1e-8)
     assert math.remainder(h - math.pi, math.tau) == pytest.approx(0.0, abs=1e-8)
@@ -151,7 +152,7 @@ def test_a_bulb_returns_beside_its_start() -> None:
 
 def test_vertical_curves_are_smooth_and_pass_the_grades() -> None:
     """A dip to −6 m: level ends, both grades, the lowest point where it was asked for."""
-    profiles = tool("authoring.geometry.elevation")
+    profiles = tool("maps.plans.authoring.profiles")
     spec = profiles.Dip(bottom_m=-6.0, grade=0.078, k_m=4.2, x=0.0, y=0.0)
     records = profiles.dip(0.0, 0.0, 230.0, spec, 113.0)
 

@@ -19,7 +19,7 @@ def tool(name: str) -> ModuleType:
 
 def bent_road() -> Any:
     """A road with a straight, a clothoid, an arc and a clothoid back, twice."""
-    return tool("authoring.geometry.plan_view_curves").fillet(
+    return tool("maps.plans.authoring.curves").fillet(
         [(0, 0), (200, 0), (260, 150), (400, 160)], [(60, 30), (80, 20)]
     )
 
@@ -27,20 +27,19 @@ def bent_road() -> Any:
 @settings(max_examples=30, deadline=None)
 @given(first=st.floats(0, 300), length=st.floats(0.5, 80), along=st.floats(0, 1))
 def test_a_cut_runs_along_the_whole(first: float, length: float, along: float) -> None:
-    paths, road = tool("authoring.geometry.path_operations"), bent_road()
+    paths, road = tool("maps.plans.authoring.curves"), bent_road()
     assume(first + length < road.length)
     part = paths.cut(road, first, first + length)
     assert part.length == pytest.approx(length, abs=1e-9)
     here, there = part.at(along * length), road.at(first + along * length)
     assert (here.x, here.y, here.h) == pytest.approx((there.x, there.y, there.h), abs=1e-9)
-    assert paths.curvature(part, along * length) == pytest.approx(
-        paths.curvature(road, first + along * length), abs=1e-9
-    )
+    curvature = tool("authoring.geometry.plan_view_curves").curvature
+    assert curvature(part, along * length) == pytest.approx(curvature(road, first + along * length), abs=1e-9)
 
 
 def test_a_loop_is_cut_across_its_start() -> None:
-    curves, paths = tool("authoring.geometry.plan_view_curves"), tool("authoring.geometry.path_operations")
-    square = curves.fillet([(50, 0), (100, 0), (100, 100), (0, 100), (0, 0), (50, 0)], [(20, 10)] * 4)
+    paths = tool("maps.plans.authoring.curves")
+    square = paths.fillet([(50, 0), (100, 0), (100, 100), (0, 100), (0, 0), (50, 0)], [(20, 10)] * 4)
     part = paths.cut(square, square.length - 10, square.length + 15, closed=True)
     assert len(part.pieces) == 1  # both ends of the loop lie on one straight
     assert (part.start.x, part.end.x) == pytest.approx((40, 65))
@@ -49,7 +48,7 @@ def test_a_loop_is_cut_across_its_start() -> None:
 @settings(max_examples=20, deadline=None)
 @given(right=st.floats(-15, 15).filter(lambda v: abs(v) > 1.0), at=st.floats(0, 1))
 def test_parallels_keep_their_distance(right: float, at: float) -> None:
-    curves, paths = tool("authoring.geometry.plan_view_curves"), tool("authoring.geometry.path_operations")
+    curves, paths = tool("authoring.geometry.plan_view_curves"), tool("maps.plans.authoring.curves")
     path = curves.Path(
         curves.Pose(3, 4, 0.5), (curves.Piece(30), curves.Piece(50, 1 / 40, 1 / 40), curves.Piece(20))
     )
@@ -64,7 +63,7 @@ def test_parallels_keep_their_distance(right: float, at: float) -> None:
 
 
 def test_parallels_of_clothoids_are_refused() -> None:
-    curves, paths = tool("authoring.geometry.plan_view_curves"), tool("authoring.geometry.path_operations")
+    curves, paths = tool("authoring.geometry.plan_view_curves"), tool("maps.plans.authoring.curves")
     with pytest.raises(tool("authoring.geometry.newton").PlanError, match="transition"):
         paths.shifted(curves.Path(curves.Pose(0, 0, 0), (curves.Piece(30, 0.0, 0.01),)), 2.0)
 
@@ -72,7 +71,7 @@ def test_parallels_of_clothoids_are_refused() -> None:
 def test_backwards_and_u_turn() -> None:
     curves, paths, road = (
         tool("authoring.geometry.plan_view_curves"),
-        tool("authoring.geometry.path_operations"),
+        tool("maps.plans.authoring.curves"),
         bent_road(),
     )
     back = paths.backwards(road)
@@ -97,7 +96,7 @@ def slopes(records: Any, length: float) -> tuple[np.ndarray, np.ndarray]:
 def test_a_ramp_keeps_both_grades_and_bends_no_more_than_it_may(
     rise: float, grade0: float, grade1: float, k: float
 ) -> None:
-    records = tool("authoring.geometry.elevation").ramp(1.0, grade0, 1.0 + rise, grade1, 160.0, k)
+    records = tool("maps.plans.authoring.profiles").ramp(1.0, grade0, 1.0 + rise, grade1, 160.0, k)
     z, grade = slopes(records, 160.0 + 0.05)
     assert z[0] == pytest.approx(1.0)
     assert z[-1] == pytest.approx(1.0 + rise, abs=1e-6)
@@ -108,20 +107,19 @@ def test_a_ramp_keeps_both_grades_and_bends_no_more_than_it_may(
 
 
 def test_a_cut_profile_has_the_heights_of_the_whole() -> None:
-    profiles = tool("authoring.geometry.elevation")
+    profiles, height_at = (
+        tool("maps.plans.authoring.profiles"),
+        tool("authoring.geometry.elevation").height_at,
+    )
     whole = profiles.vertical_curves([(60, 3.0), (200, -2.0), (300, -2.0), (440, 3.0)], 500.0, 10.0)
     for first, last in ((0.0, 500.0), (33.0, 222.0), (210.0, 290.0)):
         part = profiles.cut_profile(whole, first, last, 500.0)
         assert part[0][0] == 0.0
         for s in np.linspace(0.0, last - first - 1e-6, 23):
-            assert profiles.height_at(part, s) == pytest.approx(
-                profiles.height_at(whole, first + s), abs=1e-9
-            )
+            assert height_at(part, s) == pytest.approx(height_at(whole, first + s), abs=1e-9)
     around = profiles.cut_profile(whole, 480.0, 540.0, 500.0)
     for s in (0.0, 10.0, 30.0, 59.0):
-        assert profiles.height_at(around, s)[0] == pytest.approx(
-            profiles.height_at(whole, (480.0 + s) % 500)[0]
-        )
+        assert height_at(around, s)[0] == pytest.approx(height_at(whole, (480.0 + s) % 500)[0])
 
 
 @pytest.mark.parametrize("ends", [("plain", "plain"), ("plain", "pocket"), ("pocket", "pocket")])
@@ -163,7 +161,7 @@ def test_an_extra_lane_that_does_not_fit_is_refused() -> None:
 def motorway() -> Any:
     """A loop with an exit and a merge on a slope, joined by a street."""
     plan, cross = tool("maps.plans.authoring.plan"), tool("authoring.elements.cross_sections").CrossSection
-    gores, profiles = tool("maps.plans.authoring.ramps"), tool("authoring.geometry.elevation")
+    gores, profiles = tool("maps.plans.authoring.ramps"), tool("maps.plans.authoring.profiles")
     bare = {"gutter_m": 0.0, "sidewalk_m": 0.0}
     wide = cross(lanes=3, back=0, inner_shoulder_m=0.8, shoulder_m=2.5, **bare)
     ramp = cross(lanes=1, back=0, lane_m=4.0, inner_shoulder_m=0.5, shoulder_m=1.5, **bare)
@@ -171,7 +169,7 @@ def motorway() -> Any:
     corners = [(0, 300), (400, 300), (400, 700), (-400, 700), (-400, 300), (0, 300)]
     town.loop(
         "Ring",
-        tool("authoring.geometry.plan_view_curves").fillet(corners, [(80, 50)] * 4),
+        tool("maps.plans.authoring.curves").fillet(corners, [(80, 50)] * 4),
         wide,
         80,
         kind="motorway",

@@ -3,10 +3,8 @@
 import functools
 import gzip
 import shutil
-import sqlite3
 import subprocess
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +19,6 @@ from shared_fixtures.readings import dressed_clouds as clouds
 from shared_fixtures.readings.dressed_clouds import TOPIC, Dressing, dressed
 
 from carlaloc_env.core.errors import EvaluationError
-from recorder.bags.definitions import _distribution
 from recorder.bags.reader import open_bag
 from recorder.dataset.bag_messages import topics_in
 from recorder.dataset.scans import read_scans
@@ -63,28 +60,6 @@ def test_bags_of_every_distribution_are_read_without_definitions(tmp_path: Path,
     assert sweeps_in(clouds.write_bare_mcap(tmp_path / "a.mcap", types, found, store.value[5:])) == [3, 4]
     folder = clouds.write_ros2(tmp_path / "b", types, found, storage="SQLITE3")
     assert sweeps_in(clouds.without_definitions(folder, store.value[5:], 4)) == [3, 4]
-
-
-@pytest.mark.parametrize(("name", "version"), [("humble", 5), ("foxy", 4), ("eloquent", 2)])
-def test_the_distribution_is_the_named_one_or_that_of_the_version(
-    tmp_path: Path, name: str, version: int, caplog: pytest.LogCaptureFixture
-) -> None:
-    folder = clouds.without_definitions(mcap(tmp_path / "b", 0, storage="SQLITE3"), name, version)
-    file = folder / "b.db3"
-    assert _distribution(file) == name
-    (folder / "metadata.yaml").write_text("damaged")
-    if name == "eloquent":
-        with closing(sqlite3.connect(file)) as base:
-            base.execute("ALTER TABLE topics DROP COLUMN offered_qos_profiles")
-    assert _distribution(file) == name
-    assert sweeps_in(folder) == [0, 1]
-    assert not caplog.messages
-
-
-def test_an_unnamed_distribution_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    assert sweeps_in(clouds.write_bare_mcap(tmp_path / "a.mcap", JAZZY, messages(0))) == [0, 1]
-    assert len(caplog.messages) == 1
-    assert "names no ROS distribution" in caplog.messages[0]
 
 
 @pytest.mark.parametrize(

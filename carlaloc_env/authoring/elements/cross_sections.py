@@ -2,7 +2,6 @@
 
 import itertools
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from carlaloc_env.authoring.geometry.elevation import Cubic, moved_cubic
 from carlaloc_env.authoring.geometry.newton import PlanError
@@ -11,8 +10,6 @@ Records = tuple[tuple[float, Cubic], ...]
 """(ds, a b c d) of a quantity along a section; each holds up to the next."""
 NONE: Records = ((0.0, (0.0, 0.0, 0.0, 0.0)),)
 """A quantity that is 0 all along."""
-BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
-"""Widths of a `CrossSection` that ends at its carriageway."""
 SIDEWALK_HEIGHT_M = 0.15
 """Height of sidewalks and medians above the road [m]."""
 SOLID_BEFORE_JUNCTION_M = 25.0
@@ -82,11 +79,6 @@ class CrossSection:
         if not self.oneway:
             sides.append(self.inner_m("L") + self.count("L") * self.lane_m + outer)
         return max(sides)
-
-    def kerb_at(self, layout: str) -> float:
-        """From the axis to the kerb at an end with this layout [m]."""
-        half = 0.5 * self.median_m
-        return self.kerb_m + (0.0 if layout == "plain" else max(half, 0.5 * self.pocket_m) - half)
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,16 +283,13 @@ def border_mark(lane: LanePlan, outer: LanePlan | None, raised_median: bool, mar
     if lane.kind == "median" and raised_median:
         return Mark(0.0, "curb", "standard", 0.15)
     if lane.kind == "driving" and outer.kind == "driving":
-        return replace(bare, change="both") if marks != "full" else _broken()
+        broken = Mark(0.0, "broken", change="both", dash=(3.0, 6.0))
+        return broken if marks == "full" else replace(bare, change="both")
     if marks == "none":
         return bare
     if lane.kind == "median" or (outer.kind == "driving" and lane.key.endswith(":inner")):
         return Mark(0.0, "solid", "yellow")
     return Mark(0.0, "solid") if lane.kind == "driving" else bare
-
-
-def _broken() -> Mark:
-    return Mark(0.0, "broken", change="both", dash=(3.0, 6.0))
 
 
 def _centre_mark(cross: CrossSection, sides: dict[str, list[LanePlan]]) -> Mark:

@@ -46,25 +46,6 @@ def turn_angle(source: Leg, target: Leg) -> float:
     return wrap(target.out_axis.h - source.pose.h)
 
 
-def movements(legs: Sequence[Leg], no_left: Sequence[str] = ()) -> list[Movement]:
-    """Every legal movement: pocket or left lane to the left, right lane to the right, the rest straight."""
-    legal: list[Movement] = []
-    for i, leg in enumerate(legs):
-        turns: dict[str, list[int]] = {"left": [], "straight": [], "right": []}
-        for j, other in enumerate(legs):
-            if j != i and other.outgoing and leg.incoming:
-                angle = turn_angle(leg, other)
-                key = "straight" if abs(angle) <= STRAIGHT_RAD else "left" if angle > 0 else "right"
-                if key != "left" or leg.road.street not in no_left:
-                    turns[key].append(j)
-        for turn, targets in turns.items():
-            for j in targets:
-                pairs = lane_pairs(leg, legs, j, turn, turns)
-                if pairs:
-                    legal.append(Movement(i, j, tuple(pairs), turn))
-    return legal
-
-
 def lane_pairs(
     leg: Leg, legs: Sequence[Leg], j: int, turn: str, turns: dict[str, list[int]]
 ) -> list[tuple[int, int]]:
@@ -89,32 +70,6 @@ def lane_pairs(
     if len(lanes) > room:
         lanes = lanes[:room] if turns["right"] else lanes[-room:]
     return [(lane, k) for k, lane in enumerate(lanes)]
-
-
-def build_junction(
-    part: JunctionPart,
-    legs: Sequence[Leg],
-    numbers: Numbers,
-    plane: Plane,
-    *,
-    sidewalk: bool = True,
-    no_left: Sequence[str] = (),
-) -> tuple[list[RoadPart], list[Movement]]:
-    """Fill a junction: one connecting road per movement.
-
-    The outermost movement from every leg (its right turn, or straight on along the far side of a T)
-    carries gutter and sidewalk lanes round the corner, as CARLA's own maps do.
-    """
-    roads: list[RoadPart] = []
-    legal = movements(legs, no_left)
-    for movement in legal:
-        source, target = legs[movement.source], legs[movement.target]
-        angles = {j: turn_angle(source, other) for j, other in enumerate(legs) if j != movement.source}
-        outermost = min(angles, key=lambda j: angles[j]) == movement.target
-        road = connect(part, source, target, movement.lanes, numbers, plane, outer=outermost and sidewalk)
-        road.name = f"{part.name} {movement.turn} from {source.road.name}"
-        roads.append(road)
-    return roads, legal
 
 
 def connect(
@@ -215,19 +170,3 @@ def _paired(source: Sequence[Border], target: Sequence[Border], length: float) -
 
 def _name(border: Border) -> str:
     return border.lane.key.split(":", 1)[1]
-
-
-def setbacks(
-    headings: Sequence[float], kerbs: Sequence[float], corner_m: float, least_m: float
-) -> list[float]:
-    """How far from the node each leg must end so that kerbs of radius `corner_m` fit between legs [m]."""
-    result = []
-    for i, (heading, kerb) in enumerate(zip(headings, kerbs, strict=True)):
-        need = least_m
-        for j, (other, other_kerb) in enumerate(zip(headings, kerbs, strict=True)):
-            angle = abs(wrap(other - heading))
-            if i != j and angle < math.pi - STRAIGHT_RAD:
-                crossing = (other_kerb + kerb * math.cos(angle)) / math.sin(angle)
-                need = max(need, crossing + corner_m / math.tan(angle / 2))
-        result.append(need)
-    return result

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from carlaloc_env.authoring.geometry.elevation import Record, height_at, hermite
 from carlaloc_env.authoring.geometry.newton import PlanError
-from carlaloc_env.authoring.geometry.path_operations import curvature
-from carlaloc_env.authoring.geometry.plan_view_curves import Path, Pose
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Pose, curvature
 
 STEP_M = 0.5
 """Distance of the points at which a bend is compared with the plane [m]."""

@@ -46,6 +46,15 @@ def atomic_write(
         remove(part)
 
 
+def write_whole(
+    path: Path, text: str, error: type[CarlaLocError] = OutputError, advice: str = "choose another place"
+) -> Path:
+    """Write a text file, and return its path; the arguments and errors are those of `atomic_write`."""
+    with atomic_write(path, error, advice) as part:
+        part.write_text(text, encoding="utf-8")
+    return path
+
+
 def check_room(path: Path) -> None:
     """Make sure that the disk of a file still takes bytes: libraries may have hidden that it did not.
 

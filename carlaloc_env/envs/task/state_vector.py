@@ -138,7 +138,7 @@ class StateVector:
         self._size_m = np.ascontiguousarray(catalog.size_m[:, :2], np.float64)
         self._distance_m = np.zeros(NEIGHBOURS)
         self._ahead_m = np.array(ROUTE_AHEAD_M)
-        self._scale = _scales()
+        self._scale: Array = np.array([entry.scale for entry in state_entries().values()])
         self._values = np.zeros(len(self._scale))
         counts = len(EGO), len(ROUTE) * len(ROUTE_AHEAD_M), len(AHEAD)
         self._of_ego, points, self._of_ahead, neighbours = np.split(self._values, np.cumsum(counts))
@@ -272,7 +272,3 @@ def _put_route_points(
         out[k, 0] = (ego.cos * dx + ego.sin * dy) / ahead_m[k]
         out[k, 1] = (ego.cos * dy - ego.sin * dx) / ahead_m[k]
         out[k, 2], out[k, 3] = curvature_radpm[row], limit_mps[row]
-
-
-def _scales() -> Array:
-    return np.array([entry.scale for entry in state_entries().values()])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from carlaloc_env.authoring.elements import junction_furniture
 from carlaloc_env.authoring.elements.ids import JUNCTION, Numbers
-from carlaloc_env.authoring.elements.junctions import Movement, build_junction, connect
+from carlaloc_env.authoring.elements.junctions import Movement, connect
 from carlaloc_env.authoring.elements.map_parts import (
     ControllerPart,
     JunctionPart,
@@ -15,10 +15,11 @@ from carlaloc_env.authoring.elements.map_parts import (
     leg_of,
 )
 from carlaloc_env.authoring.geometry.newton import PlanError
-from carlaloc_env.authoring.geometry.path_operations import u_turn
 from carlaloc_env.authoring.geometry.plan_view_curves import turning_bulb
 from carlaloc_env.authoring.opendrive_writer import opendrive_text
 
+from .curves import u_turn
+from .junctions import build_junction
 from .layout import Laid, lay_out
 from .plan import Node, TownPlan
 from .ramps import Gore, build_gore, gore_lines

@@ -7,26 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from carlaloc_env.authoring.elements.junctions import setbacks
-from carlaloc_env.authoring.geometry.elevation import (
-    Climb,
-    Dip,
-    Profile,
-    Record,
-    climb,
-    dip,
-    height_at,
-    hermite,
-    level,
-    ramp,
-    smooth,
-    vertical_curves,
-)
+from carlaloc_env.authoring.elements.cross_sections import CrossSection
+from carlaloc_env.authoring.geometry.elevation import Record, height_at, hermite, level
 from carlaloc_env.authoring.geometry.junction_planes import leaning
 from carlaloc_env.authoring.geometry.newton import PlanError
-from carlaloc_env.authoring.geometry.path_operations import meeting
-from carlaloc_env.authoring.geometry.plan_view_curves import Path, Pose, curve_between, fillet
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Pose, curve_between
 
+from .curves import fillet, meeting, trimmed
+from .junctions import setbacks
+from .profiles import Climb, Dip, Profile, climb, dip, ramp, smooth, vertical_curves
 from .ramps import Gore, OnRay, RampEnd, ramp_end
 
 if TYPE_CHECKING:
@@ -84,7 +73,7 @@ def lay_out(plan: TownPlan) -> list[Laid]:
     laid: dict[str, Laid] = {}
     for road in _in_order(plan, gores):
         first, last = trims[road.name]
-        path = axes[road.name].trimmed(first, last).settled()
+        path = trimmed(axes[road.name], first, last).settled()
         road_laid = Laid(road, axes[road.name], path, first, ends=ends[road.name])
         levels = [_level(name, laid, gores) for name in (road.a, road.b)]
         road_laid.elevation, road_laid.bottom_m = _elevation(plan, road_laid, levels[0], levels[1])
@@ -196,7 +185,7 @@ def _trims(plan: TownPlan, axes: dict[str, Path]) -> dict[str, list[float]]:
         if not met:
             raise PlanError(f"no road ends at node '{node.name}'")
         headings = [axes[r.name].start.h if side == 0 else axes[r.name].end.h + math.pi for r, side in met]
-        kerbs = [road.cross.kerb_at(road.ends[side]) for road, side in met]
+        kerbs = [_kerb_m(road.cross, road.ends[side]) for road, side in met]
         if node.roundabout is not None:
             lengths = [node.roundabout.arm_m] * len(met)
         elif node.control == "bulb":
@@ -276,3 +265,9 @@ def nearest(path: Path, points: Sequence[tuple[float, float]], step_m: float = 1
         k = min(range(count + 1), key=lambda k: (poses[k].x - x) ** 2 + (poses[k].y - y) ** 2)
         stations.append(path.length * k / count)
     return stations
+
+
+def _kerb_m(cross: CrossSection, layout: str) -> float:
+    """From the axis to the kerb at an end with this layout [m]."""
+    half = 0.5 * cross.median_m
+    return cross.kerb_m + (0.0 if layout == "plain" else max(half, 0.5 * cross.pocket_m) - half)

@@ -1,15 +1,19 @@
 """A town as nodes and roads between them."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from carlaloc_env.authoring.elements.cross_sections import CrossSection
-from carlaloc_env.authoring.geometry.elevation import Climb, Dip, Profile
 from carlaloc_env.authoring.geometry.junction_planes import Plane
 from carlaloc_env.authoring.geometry.plan_view_curves import Path
 
 from .auxiliary_lanes import ExtraLane
+from .profiles import Climb, Dip, Profile
 from .ramps import Gore, OnRay
 from .roundabouts import RoundaboutShape
+
+BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
+"""Widths of a `CrossSection` that ends at its carriageway."""
 
 
 @dataclass(slots=True, kw_only=True)

@@ -19,10 +19,10 @@ from carlaloc_env.authoring.elements.junctions import connect
 from carlaloc_env.authoring.elements.map_parts import JunctionPart, Leg, RoadPart
 from carlaloc_env.authoring.geometry.junction_planes import Plane
 from carlaloc_env.authoring.geometry.newton import PlanError
-from carlaloc_env.authoring.geometry.path_operations import backwards, curvature, cut, shifted
-from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose, curvature
 
 from .auxiliary_lanes import ExtraLane
+from .curves import backwards, cut, shifted
 
 NOSE_GAP_M = 0.1
 """Clear distance between the shoulders of road and ramp where they part [m]."""

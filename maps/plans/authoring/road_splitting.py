@@ -3,13 +3,14 @@
 from carlaloc_env.authoring.elements.cross_sections import road_sections
 from carlaloc_env.authoring.elements.ids import OBJECT, ROAD, Numbers
 from carlaloc_env.authoring.elements.map_parts import RoadPart, StretchPart
-from carlaloc_env.authoring.geometry.elevation import Record, cut_profile
+from carlaloc_env.authoring.geometry.elevation import Record
 from carlaloc_env.authoring.geometry.newton import PlanError
-from carlaloc_env.authoring.geometry.path_operations import cut
 from carlaloc_env.authoring.geometry.plan_view_curves import Path
 
 from .auxiliary_lanes import add_extra_lanes
+from .curves import cut
 from .layout import Laid, along, nearest
+from .profiles import cut_profile
 from .ramps import Gore, auxiliary_lanes
 
 

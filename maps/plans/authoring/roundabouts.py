@@ -18,7 +18,9 @@ from carlaloc_env.authoring.elements.junctions import connect
 from carlaloc_env.authoring.elements.map_parts import JunctionPart, Leg, Link, RoadPart, leg_of
 from carlaloc_env.authoring.geometry.elevation import level
 from carlaloc_env.authoring.geometry.junction_planes import Plane
-from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose, mirrored, ring_entry, wrap
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose, wrap
+
+from .curves import mirrored, ring_entry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

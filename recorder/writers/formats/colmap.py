@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import U8, Array
+from carlaloc_env.core.cells import first_in_cells
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, png_of
+from recorder.writers.base import Encoder, Piece, png_of
 from recorder.writers.formats.ego_path import FollowingWriter, is_pose, pose_piece
 from recorder.writers.formats.ply import ply_bytes
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
@@ -47,13 +48,9 @@ class ColmapEncoder(Encoder):
     Args:
         calibration: The rig.
         streams: Names of all streams that will come.
-        epoch_ns: Unix time of the drive's beginning [ns].
     """
 
-    def __init__(
-        self, calibration: RigCalibration, streams: tuple[str, ...], *, epoch_ns: int = DEFAULT_EPOCH_NS
-    ) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration, streams: tuple[str, ...]) -> None:
         self.calibration = calibration
         lidar = calibration.lidar
         labelled = f"{lidar.name}_semantic" if lidar is not None else ""
@@ -78,17 +75,14 @@ class ColmapEncoder(Encoder):
         if isinstance(sample, Image):
             kind, png = _IMAGES, png_of(cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), sample.sensor)
         elif isinstance(sample, SemanticImage):
-            kind, png = _MASKS, png_of(_still(sample), sample.sensor)
+            # Black hides road users and the ego's body.
+            still = np.where(sample.instance < EGO_INSTANCE, np.uint8(255), np.uint8(0))
+            kind, png = _MASKS, png_of(still, sample.sensor)
         elif isinstance(sample, DepthImage):
             steps = np.rint(sample.depth_m / DEPTH_STEP_M)
             near = np.where(steps <= 65535, steps, 0).astype(np.uint16)
             kind, png = _DEPTHS, png_of(near, sample.sensor)
         return [] if png is None else [Piece(sample.stamp_ns, f"{kind}/{camera}", "", png)]
-
-
-def _still(sample: SemanticImage) -> U8:
-    """255 where the picture shows neither road users nor the ego's body, else 0."""
-    return np.where(sample.instance < EGO_INSTANCE, np.uint8(255), np.uint8(0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,16 +284,11 @@ class ColmapWriter(FollowingWriter):
             frame["weather_paths"] = twins
         return frame
 
-    def _drop(self) -> None:
-        self._waiting.clear()
-
 
 def _one_a_cell(seeds: list[NDArray[np.void]]) -> NDArray[np.void]:
     """The first seed of each cell, in their order."""
     rows = np.concatenate([*seeds, np.empty(0, _SEED)])
-    cell = np.floor(rows["xyz"] / CELL_M).astype(np.int64) & 0x1FFFFF
-    _, first = np.unique(cell[:, 0] << 42 | cell[:, 1] << 21 | cell[:, 2], return_index=True)
-    kept: NDArray[np.void] = rows[np.sort(first)]
+    kept: NDArray[np.void] = rows[first_in_cells(rows["xyz"], CELL_M)]
     return kept
 
 

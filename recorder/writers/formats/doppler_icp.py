@@ -13,7 +13,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import PointCloud, Sample
 from recorder.evaluation.trajectory_files import tum_text
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece
+from recorder.writers.base import Encoder, Piece
 from recorder.writers.formats.ego_path import FollowingWriter, is_pose, pose_piece
 from recorder.writers.rig_calibration import RigCalibration
 
@@ -26,16 +26,12 @@ class DopplerIcpEncoder(Encoder):
     Args:
         calibration: The rig; its first LiDAR must measure rates.
         streams: Names of all streams that will come.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: it does not.
     """
 
-    def __init__(
-        self, calibration: RigCalibration, streams: tuple[str, ...], *, epoch_ns: int = DEFAULT_EPOCH_NS
-    ) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration, streams: tuple[str, ...]) -> None:
         if calibration.lidar is None or not calibration.lidar.doppler:
             raise WriterError("the doppler_icp format needs a LiDAR first that has `doppler: true`")
         self.lidar = calibration.lidar
@@ -93,6 +89,3 @@ class DopplerIcpWriter(FollowingWriter):
             after_ns = np.array(self._stamps_ns) - self._stamps_ns[0]
             text = tum_text(after_ns, T[:, :3, 3], transforms.matrix_to_quat(T[:, :3, :3]))
         (self._part / "ref_poses.txt").write_text(text, encoding="utf-8")
-
-    def _drop(self) -> None:
-        """No file is open."""

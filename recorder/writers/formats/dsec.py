@@ -12,7 +12,7 @@ import numpy as np
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import EVENT, Events, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer
+from recorder.writers.base import Encoder, Piece, Writer
 
 RECTIFY_MAP = "rectify_map.h5"
 """Name of the file with the map."""
@@ -26,11 +26,9 @@ class DsecEncoder(Encoder):
 
     Args:
         stream: Name of the event stream; other samples are passed over.
-        epoch_ns: Unix time of the drive's beginning [ns].
     """
 
-    def __init__(self, stream: str, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+    def __init__(self, stream: str) -> None:
         self._stream = stream
 
     def encode(self, sample: Sample) -> list[Piece]:

@@ -10,7 +10,7 @@ from typing import TextIO
 import numpy as np
 
 from carlaloc_env.samples import DepthImage, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, png_of
+from recorder.writers.base import Encoder, Piece, Writer, close_unfinished, png_of
 from recorder.writers.rig_calibration import RigCalibration
 
 
@@ -19,11 +19,9 @@ class DsecDisparityEncoder(Encoder):
 
     Args:
         calibration: The rig; its first two cameras are the pair.
-        epoch_ns: Unix time of the drive's beginning [ns].
     """
 
-    def __init__(self, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration) -> None:
         left, right = calibration.cameras[:2]
         self._stream = f"depth_{left.name}"
         baseline_m = float(calibration.T(left.frame, right.frame)[0, 3])

@@ -3,10 +3,10 @@
 from abc import abstractmethod
 from collections import deque
 from pathlib import Path
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
@@ -30,27 +30,35 @@ def pose_piece(sample: Odometry) -> Piece:
     return Piece(sample.stamp_ns, POSE, "", values.tobytes())
 
 
-class EgoPath:
-    """Poses of `base_link` in the world, from which old ones may be dropped."""
+class Steps:
+    """What pieces hold over time, as numbers of a type, from which old steps may be dropped."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: DTypeLike) -> None:
+        self._kind = kind
         self._stamps_ns: deque[int] = deque()
-        self._poses: deque[Array] = deque()
+        self._steps: deque[NDArray[Any]] = deque()
 
     def add(self, piece: Piece) -> None:
-        """Take the next pose."""
+        """Take the next step."""
         self._stamps_ns.append(piece.stamp_ns)
-        self._poses.append(np.frombuffer(piece.data, "<f8"))
+        self._steps.append(np.frombuffer(piece.data, self._kind))
 
     def forget_before(self, stamp_ns: int) -> None:
-        """Drop poses that times from `stamp_ns` [ns] on do not need."""
+        """Drop steps that times from `stamp_ns` [ns] on do not need."""
         while len(self._stamps_ns) > 1 and self._stamps_ns[1] <= stamp_ns:
             self._stamps_ns.popleft()
-            self._poses.popleft()
+            self._steps.popleft()
+
+
+class EgoPath(Steps):
+    """Poses of `base_link` in the world."""
+
+    def __init__(self) -> None:
+        super().__init__("<f8")
 
     def at(self, stamp_ns: NDArray[np.int64]) -> tuple[Array, Array]:
         """Position [m] and attitude of `base_link` at times [ns], shapes (N, 3) and (N, 4)."""
-        times, poses = np.array(self._stamps_ns), np.stack(self._poses)
+        times, poses = np.array(self._stamps_ns), np.stack(self._steps)
         positions, quats = poses[:, :3], poses[:, 3:]
         after = np.clip(np.searchsorted(times, stamp_ns, side="right"), 1, len(times) - 1)
         fraction = (stamp_ns - times[after - 1]) / np.maximum(times[after] - times[after - 1], 1)
@@ -101,6 +109,9 @@ class FollowingWriter(Writer):
         for piece in self._waiting:
             if self._end_ns(piece) <= self._known_ns:
                 self._put(piece)
+        self._waiting.clear()
+
+    def _drop(self) -> None:
         self._waiting.clear()
 
     @abstractmethod

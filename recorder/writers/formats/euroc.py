@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, grey, png_of
+from recorder.writers.base import Encoder, Piece, Writer, close_unfinished, grey, png_of
 from recorder.writers.formats.euroc_states import STATE_HEADER, state_line
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.text_templates import filled
@@ -35,21 +35,14 @@ class EurocEncoder(Encoder):
         colour: Whether images are written in colour instead of grey.
         biases: True biases of the IMU at stamps [ns], accelerometer [m/s²] then gyroscope [rad/s],
             shape (M, 6); zero when left out.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: the rig has no IMU.
     """
 
     def __init__(
-        self,
-        calibration: RigCalibration,
-        *,
-        colour: bool = False,
-        biases: Biases | None = None,
-        epoch_ns: int = DEFAULT_EPOCH_NS,
+        self, calibration: RigCalibration, *, colour: bool = False, biases: Biases | None = None
     ) -> None:
-        super().__init__(epoch_ns=epoch_ns)
         if calibration.imu is None:
             raise WriterError("the EuRoC format needs an IMU as body frame; add one to the rig")
         self.calibration = calibration

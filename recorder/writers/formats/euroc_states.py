@@ -32,20 +32,13 @@ def state_line(
     return ",".join([str(unix_ns), *map(repr, numbers.tolist())])
 
 
-def write_state_csv(
-    path: str | Path,
-    motion: Motion,
-    *,
-    biases: NDArray[np.float64] | None = None,
-    epoch_ns: int = DEFAULT_EPOCH_NS,
-) -> None:
+def write_state_csv(path: str | Path, motion: Motion, *, biases: NDArray[np.float64] | None = None) -> None:
     """Write EuRoC's table of true states of the IMU frame.
 
     Args:
         path: New file.
         motion: Motion of the IMU frame.
         biases: True biases, accelerometer [m/s²] then gyroscope [rad/s], shape (M, 6); None: zero.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: the file exists or cannot be written.
@@ -53,7 +46,7 @@ def write_state_csv(
     if biases is None:
         biases = np.zeros((len(motion.stamp_ns), 6))
     states = zip(
-        (epoch_ns + motion.stamp_ns).tolist(),
+        (DEFAULT_EPOCH_NS + motion.stamp_ns).tolist(),
         motion.position_m,
         motion.quat_xyzw,
         motion.velocity_world_mps,

@@ -4,8 +4,6 @@ Points lie where they were seen at the time of the frame: the exact motion moves
 measurement to the beginning of its sweep.
 """
 
-from collections import deque
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -17,9 +15,10 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, PointCloud, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, png_of
-from recorder.writers.formats.ego_path import POSE, EgoPath, is_pose, pose_piece
+from recorder.writers.base import Encoder, Piece, close_unfinished, png_of
+from recorder.writers.formats.ego_path import POSE, FollowingWriter, is_pose, pose_piece
 from recorder.writers.formats.semantic_kitti import semantic_kitti_labels
+from recorder.writers.formats.sweep_points import POINT, point_rows
 from recorder.writers.rig_calibration import RigCalibration
 
 MOVING_FROM_MPS = 0.5
@@ -28,19 +27,6 @@ T_LIDAR_CAMERA_AXES: Array = np.array(
     [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
 """A camera's axes (right, down, forward) at the LiDAR, for rigs without a camera."""
-_ROW = np.dtype(
-    [("xyz", "<f4", 3), ("intensity", "<f4"), ("offset_ns", "<u4"), ("tag", "u1"), ("instance", "<u4")]
-)
-"""A point before it is moved to the beginning of its sweep."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Sweep:
-    stamp_ns: int
-    sweep_ns: int
-    rows: NDArray[np.void]
-    moving: NDArray[np.uint32]
-    """Instance ids of moving objects."""
 
 
 class KittiEncoder(Encoder):
@@ -48,14 +34,12 @@ class KittiEncoder(Encoder):
 
     Args:
         calibration: The rig; it must have a LiDAR.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: the rig has no LiDAR.
     """
 
-    def __init__(self, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration) -> None:
         if calibration.lidar is None:
             raise WriterError("the KITTI format needs a LiDAR; add one to the rig")
         self.calibration = calibration
@@ -73,17 +57,14 @@ class KittiEncoder(Encoder):
             return [pose_piece(sample)]
         if isinstance(sample, PointCloud) and sample.frame_id == self.lidar.name and sample.tag is not None:
             # The plain cloud has the same points, without labels.
-            rows = np.empty(len(sample.tag), _ROW)
-            rows["xyz"], rows["intensity"] = sample.points_xyz_m, sample.intensity
-            rows["offset_ns"], rows["tag"], rows["instance"] = sample.offset_ns, sample.tag, sample.instance
-            return [Piece(stamp_ns, "cloud", str(sample.sweep_ns), rows.tobytes())]
+            return [Piece(stamp_ns, "cloud", str(sample.sweep_ns), point_rows(sample))]
         if isinstance(sample, Image) and sample.sensor in self.images:
             png = png_of(cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), sample.sensor)
             return [Piece(stamp_ns, self.images[sample.sensor], "png", png)]
         return []
 
 
-class KittiWriter(Writer):
+class KittiWriter(FollowingWriter):
     """Clouds, their labels, the images of the same instants, and truth; a frame is a LiDAR sweep.
 
     Files are ``velodyne/%06d.bin`` (x, y, z, remission as float32), ``labels/%06d.label``, ``image_2`` and
@@ -96,9 +77,9 @@ class KittiWriter(Writer):
         super().__init__(target, encoder)
         self._calibration = encoder.calibration
         self._lidar = encoder.lidar
-        self._path = EgoPath()
-        self._waiting: deque[_Sweep] = deque()
         self._moving = np.zeros(0, np.uint32)
+        self._moving_at: dict[int, NDArray[np.uint32]] = {}
+        """Instance ids of objects that move when a sweep begins, by its stamp [ns]."""
         self._frames: dict[int, int] = {}
         self._early: list[Piece] = []
         self._T_first: Array | None = None
@@ -122,17 +103,19 @@ class KittiWriter(Writer):
         if piece.place == "moving":
             self._moving = np.frombuffer(piece.data, "<u4")
         elif piece.place == POSE:
-            self._path.add(piece)
-            self._flush(piece.stamp_ns)
-        elif piece.place == "cloud":
-            self._frames[piece.stamp_ns] = len(self._frames)
-            rows = np.frombuffer(piece.data, _ROW)
-            self._waiting.append(_Sweep(piece.stamp_ns, int(piece.kind), rows, self._moving))
-            self._put_images()
+            super()._place(piece)
         else:
-            # A camera may come before the LiDAR of the same instant.
-            self._early.append(piece)
+            if piece.place == "cloud":
+                self._frames[piece.stamp_ns] = len(self._frames)
+                self._moving_at[piece.stamp_ns] = self._moving
+                super()._place(piece)
+            else:
+                # A camera may come before the LiDAR of the same instant.
+                self._early.append(piece)
             self._put_images()
+
+    def _end_ns(self, piece: Piece) -> int:
+        return piece.stamp_ns + int(piece.kind)
 
     def _put_images(self) -> None:
         """Write images of frames; KITTI cannot hold an image between the beginnings of sweeps."""
@@ -147,31 +130,25 @@ class KittiWriter(Writer):
             if piece.stamp_ns == newest_ns and piece.stamp_ns not in self._frames
         ]
 
-    def _flush(self, known_ns: int) -> None:
-        """Write the clouds whose whole sweep lies before a time [ns]."""
-        while self._waiting and self._waiting[0].stamp_ns + self._waiting[0].sweep_ns <= known_ns:
-            sweep = self._waiting.popleft()
-            self._path.forget_before(sweep.stamp_ns)
-            self._put_cloud(sweep)
-
-    def _put_cloud(self, cloud: _Sweep) -> None:
-        frame = self._frames[cloud.stamp_ns]
-        T_world_base = self._path.T_world_base(cloud.stamp_ns)
+    def _put(self, piece: Piece) -> None:
+        self._path.forget_before(piece.stamp_ns)
+        frame, cloud = self._frames[piece.stamp_ns], np.frombuffer(piece.data, POINT)
+        T_world_base = self._path.T_world_base(piece.stamp_ns)
         T_base_lidar = self._lidar.T_base_lidar
-        stamps_ns = cloud.stamp_ns + cloud.rows["offset_ns"].astype(np.int64)
-        in_world = self._path.to_world(cloud.rows["xyz"].astype(np.float64), stamps_ns, T_base_lidar)
+        stamps_ns = piece.stamp_ns + cloud["offset_ns"].astype(np.int64)
+        in_world = self._path.to_world(cloud["xyz"].astype(np.float64), stamps_ns, T_base_lidar)
         in_lidar = transforms.apply(np.linalg.inv(T_world_base @ T_base_lidar), in_world)
         rows = np.empty((len(in_lidar), 4), "<f4")
-        rows[:, :3], rows[:, 3] = in_lidar, cloud.rows["intensity"] / np.float32(255.0)
+        rows[:, :3], rows[:, 3] = in_lidar, cloud["intensity"] / np.float32(255.0)
         (self._part / "velodyne" / f"{frame:06d}.bin").write_bytes(rows.tobytes())
-        labels = semantic_kitti_labels(cloud.rows["tag"], cloud.rows["instance"], cloud.moving)
+        labels = semantic_kitti_labels(cloud["tag"], cloud["instance"], self._moving_at.pop(piece.stamp_ns))
         (self._part / "labels" / f"{frame:06d}.label").write_bytes(labels.astype("<u4").tobytes())
         T_world_camera = T_world_base @ self._T_base_camera
         if self._T_first is None:
             self._T_first = T_world_camera
         T_first_camera = np.linalg.inv(self._T_first) @ T_world_camera
         self._tables["poses.txt"].write(_numbers(T_first_camera[:3]) + "\n")
-        self._tables["times.txt"].write(f"{cloud.stamp_ns / 1e9:.6e}\n")
+        self._tables["times.txt"].write(f"{piece.stamp_ns / 1e9:.6e}\n")
 
     def _calib(self) -> str:
         """Projections of the cameras, if any, relative to the left one, and the LiDAR's place in it."""

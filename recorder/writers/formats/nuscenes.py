@@ -21,7 +21,7 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, PointCloud, RadarScan, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, jpeg_of, png_of
+from recorder.writers.base import Encoder, Piece, jpeg_of, png_of
 from recorder.writers.formats.ego_path import FollowingWriter, is_pose, pose_piece
 from recorder.writers.formats.nuscenes_boxes import OBJECTS, ActorTracks, Boxes, objects_piece, points_in
 from recorder.writers.formats.nuscenes_tables import (
@@ -35,6 +35,7 @@ from recorder.writers.formats.nuscenes_tables import (
     place_of,
     write_table,
 )
+from recorder.writers.formats.pcd import pcd_bytes
 from recorder.writers.formats.sweep_points import POINT, at_stamp, point_rows
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
 
@@ -98,16 +99,12 @@ class NuscenesEncoder(Encoder):
     Args:
         calibration: The rig; it must have a LiDAR.
         streams: Names of all streams that will come.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: the rig has no LiDAR.
     """
 
-    def __init__(
-        self, calibration: RigCalibration, streams: tuple[str, ...], *, epoch_ns: int = DEFAULT_EPOCH_NS
-    ) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration, streams: tuple[str, ...]) -> None:
         self.channels = channels_of(calibration, streams)
         self._cameras = {camera.stream: camera for camera in calibration.cameras}
         self._maps: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = {}
@@ -156,14 +153,14 @@ def _radar_rows(sample: RadarScan) -> bytes:
     return rows.tobytes()
 
 
-class NuscenesWriter(FollowingWriter):
-    """Samples, sweeps, boxes, labels, map and tables; a sample is a sweep of the LiDAR.
+class PerceptionWriter(FollowingWriter):
+    """A writer of the pieces of `NuscenesEncoder`, which moves points and road users to the sweeps' stamps.
 
     Args:
         target: The folder.
         encoder: Makes the pieces.
         ground: Gives the town.
-        about: Texts that the tables hold: ``name`` and ``weather`` of the sequence.
+        about: Texts of the sequence.
     """
 
     encoder: NuscenesEncoder
@@ -180,11 +177,35 @@ class NuscenesWriter(FollowingWriter):
         self._load_ground, self._about = ground, about
         self._channels = {channel.name: channel for channel in encoder.channels.values()}
         self._tracks = ActorTracks()
+
+    def _place(self, piece: Piece) -> None:
+        if piece.place == OBJECTS:
+            self._tracks.add(piece)
+        else:
+            super()._place(piece)
+
+    def _at_stamp(self, piece: Piece, lidar: Channel) -> tuple[NDArray[np.void], Array]:
+        """Points of a sweep as rows of `POINT`, and where they lie in the world at its stamp [m], (N, 3)."""
+        rows = np.frombuffer(piece.data, POINT)
+        self._tracks.forget_before(piece.stamp_ns - STEP_NS)
+        return rows, at_stamp(piece, rows, self._path, self._tracks, lidar.T_ego_sensor)
+
+    @staticmethod
+    def _check_sweeps(found: bool) -> None:
+        if not found:
+            raise OSError("the stretch holds no whole sweep of the LiDAR; make it longer")
+
+
+class NuscenesWriter(PerceptionWriter):
+    """Samples, sweeps, boxes, labels, map and tables; a sample is a sweep of the LiDAR.
+
+    Of the texts, tables hold ``name`` and ``weather``.
+    """
+
+    def _begin(self, part: Path) -> None:
         self._first_ns: int | None = None
         self._next_ns = 0
         self._seen: dict[str, Array] = {}
-
-    def _begin(self, part: Path) -> None:
         for channel in self._channels.values():
             for folder in ("samples", "sweeps"):
                 (part / folder / channel.name).mkdir(parents=True)
@@ -202,12 +223,6 @@ class NuscenesWriter(FollowingWriter):
         )
         png = png_of(self._ground.mask, "the map")
         (part / "maps" / f"{self._ground.name}.png").write_bytes(png)
-
-    def _place(self, piece: Piece) -> None:
-        if piece.place == OBJECTS:
-            self._tracks.add(piece)
-        else:
-            super()._place(piece)
 
     def _put(self, piece: Piece) -> None:
         channel, stamp_ns = self._channels[piece.place], piece.stamp_ns
@@ -230,9 +245,7 @@ class NuscenesWriter(FollowingWriter):
 
     def _put_cloud(self, piece: Piece, lidar: Channel, T_world_base: Array, us: int) -> bytes:
         """Points at the sweep's stamp; the boxes and labels of a sample."""
-        rows, stamp_ns = np.frombuffer(piece.data, POINT), piece.stamp_ns
-        self._tracks.forget_before(stamp_ns - STEP_NS)
-        world = at_stamp(piece, rows, self._path, self._tracks, lidar.T_ego_sensor)
+        (rows, world), stamp_ns = self._at_stamp(piece, lidar), piece.stamp_ns
         T_world_lidar = T_world_base @ lidar.T_ego_sensor
         points = np.empty((len(rows), 5), "<f4")
         points[:, :3] = transforms.apply(transforms.invert(T_world_lidar), world)
@@ -292,8 +305,7 @@ class NuscenesWriter(FollowingWriter):
 
     def _finish(self) -> None:
         self._put_last()
-        if not self._tables.samples_us:
-            raise OSError("the stretch holds no whole sweep of the LiDAR; make it longer")
+        self._check_sweeps(bool(self._tables.samples_us))
         for channel in self._channels.values():
             for row in self._tables.key_rows(channel.name):
                 us = self._tables.data_us[channel.name][row]
@@ -304,9 +316,6 @@ class NuscenesWriter(FollowingWriter):
         for name, rows in self._tables.tables(channels):
             write_table(self._part / VERSION / f"{name}.json", rows)
 
-    def _drop(self) -> None:
-        self._waiting.clear()
-
 
 def _pcd(rows: NDArray[np.void]) -> bytes:
     """Binary PCD of detections; a scan without any has one of NaN, which nuScenes' devkit takes for none."""
@@ -314,13 +323,5 @@ def _pcd(rows: NDArray[np.void]) -> bytes:
         rows = np.zeros(1, _RADAR)
         for name in "xyz":
             rows[name] = np.nan
-    kinds = [_RADAR[name] for name in _RADAR.names or ()]
-    header = (
-        "# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7", "FIELDS " + " ".join(_RADAR.names or ()),
-        "SIZE " + " ".join(str(kind.itemsize) for kind in kinds),
-        "TYPE " + " ".join(kind.kind.upper() for kind in kinds),
-        "COUNT " + " ".join("1" for _ in kinds), f"WIDTH {len(rows)}", "HEIGHT 1",
-        "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {len(rows)}", "DATA binary",
-    )  # fmt: skip
     # The devkit wants more bytes behind the last number.
-    return "\n".join([*header, ""]).encode() + rows.tobytes() + b"\n"
+    return pcd_bytes(rows) + b"\n"

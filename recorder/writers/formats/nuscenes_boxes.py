@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.samples import ObjectList
 from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.base import Piece
+from recorder.writers.formats.ego_path import Steps
 
 if TYPE_CHECKING:
     from recorder.writers.formats.town_ground import TownGround
@@ -71,23 +71,11 @@ class Boxes:
         return Boxes(**{name: getattr(self, name)[kept] for name in self.__slots__})
 
 
-class ActorTracks:
+class ActorTracks(Steps):
     """Road users over the last steps, moving straight from step to step as pictures and rays show them."""
 
     def __init__(self) -> None:
-        self._stamps_ns: deque[int] = deque()
-        self._frames: deque[NDArray[np.void]] = deque()
-
-    def add(self, piece: Piece) -> None:
-        """Take the next step."""
-        self._stamps_ns.append(piece.stamp_ns)
-        self._frames.append(np.frombuffer(piece.data, _ROW))
-
-    def forget_before(self, stamp_ns: int) -> None:
-        """Drop steps that times from `stamp_ns` [ns] on do not need."""
-        while len(self._stamps_ns) > 1 and self._stamps_ns[1] <= stamp_ns:
-            self._stamps_ns.popleft()
-            self._frames.popleft()
+        super().__init__(_ROW)
 
     def _at(self, row: NDArray[np.intp], stamp_ns: NDArray[np.int64]) -> tuple[Array, Array]:
         """Middles [m] (N, 3) and attitudes (N, 3) [rad] of road users by row at times [ns]."""
@@ -97,7 +85,7 @@ class ActorTracks:
         span = np.maximum(times[after] - times[before], 1)
         share = np.clip((stamp_ns - times[before]) / span, 0.0, 1.0)[:, None]
         share = np.where((after == before)[:, None], 0.0, share)
-        centre, rpy = (np.stack([frame[name] for frame in self._frames]) for name in ("centre", "rpy"))
+        centre, rpy = (np.stack([frame[name] for frame in self._steps]) for name in ("centre", "rpy"))
         turn = transforms.wrap_angle(rpy[after, row] - rpy[before, row])
         step = centre[after, row] - centre[before, row]
         return centre[before, row] + share * step, rpy[before, row] + share * turn
@@ -105,7 +93,7 @@ class ActorTracks:
     def boxes(self, stamp_ns: int, ground: TownGround) -> Boxes:
         """All boxes at a time [ns]."""
         past = [k for k, at in enumerate(self._stamps_ns) if at <= stamp_ns or k == 0]
-        frame = self._frames[past[-1]] if past else np.empty(0, _ROW)
+        frame = self._steps[past[-1]] if past else np.empty(0, _ROW)
         count, parked = len(frame), len(ground.parked_heading_rad)
         still = np.zeros((parked, 3))
         still[:, 2] = ground.parked_heading_rad
@@ -126,7 +114,7 @@ class ActorTracks:
         self, stamp_ns: int, world_m: Array, seen_ns: NDArray[np.int64], instance: NDArray[np.uint32]
     ) -> Array:
         """Points (N, 3) of road users, seen at times (N,) [ns], where they would be at one time [ns]."""
-        ids = self._frames[0]["id"] if self._frames else np.zeros(0, np.uint32)
+        ids = self._steps[0]["id"] if self._steps else np.zeros(0, np.uint32)
         order = np.argsort(ids)
         place = np.minimum(np.searchsorted(ids[order], instance), max(len(ids) - 1, 0))
         moved: Array = world_m.copy()

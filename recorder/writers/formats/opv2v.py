@@ -21,12 +21,11 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.elementary import arctan2
 from carlaloc_env.scene.semantic_tags import Tag
-from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, png_of
-from recorder.writers.formats.ego_path import FollowingWriter
-from recorder.writers.formats.nuscenes import NuscenesEncoder
-from recorder.writers.formats.nuscenes_boxes import OBJECTS, SLACK_M, ActorTracks, Boxes, points_in
+from recorder.writers.base import Piece, png_of
+from recorder.writers.formats.nuscenes import NuscenesEncoder, PerceptionWriter
+from recorder.writers.formats.nuscenes_boxes import SLACK_M, Boxes, points_in
 from recorder.writers.formats.nuscenes_tables import Channel
-from recorder.writers.formats.sweep_points import POINT, at_stamp
+from recorder.writers.formats.pcd import pcd_bytes
 from recorder.writers.rig_calibration import RigCalibration
 
 if TYPE_CHECKING:
@@ -67,16 +66,13 @@ class Opv2vEncoder(NuscenesEncoder):
     Args:
         calibration: The rig; it must have a LiDAR.
         streams: Names of all streams that will come.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: the rig has no LiDAR.
     """
 
-    def __init__(
-        self, calibration: RigCalibration, streams: tuple[str, ...], *, epoch_ns: int = DEFAULT_EPOCH_NS
-    ) -> None:
-        super().__init__(calibration, streams, epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration, streams: tuple[str, ...]) -> None:
+        super().__init__(calibration, streams)
         kept = ("LIDAR_TOP", *CAMERAS)
         self.channels = {s: channel for s, channel in self.channels.items() if channel.name in kept}
 
@@ -84,7 +80,7 @@ class Opv2vEncoder(NuscenesEncoder):
         return png_of(rgb[:, :, ::-1], name)
 
 
-class Opv2vWriter(FollowingWriter):
+class Opv2vWriter(PerceptionWriter):
     """A scenario with one agent: ``<scenario>/<agent>/00000.{pcd,yaml}``, ``00000_camera0.png`` … at 10 Hz.
 
     Args:
@@ -95,8 +91,6 @@ class Opv2vWriter(FollowingWriter):
         about: Texts of the sequence: ``name``, ``town``, ``weather``, ``traffic``, ``rig``.
     """
 
-    encoder: Opv2vEncoder
-
     def __init__(
         self,
         target: str | Path,
@@ -106,12 +100,10 @@ class Opv2vWriter(FollowingWriter):
         agent: int,
         about: Mapping[str, str],
     ) -> None:
-        super().__init__(target, encoder)
-        self._load_ground, self._agent, self._about = ground, agent, about
-        self._channels = {channel.name: channel for channel in encoder.channels.values()}
+        super().__init__(target, encoder, ground=ground, about=about)
+        self._agent = agent
         ahead_m = EGO_REAR_M + 0.5 * EGO_SIZE_M[0] if agent >= 0 else 0.0
         self._T_base_middle = transforms.from_rotation(np.eye(3), (ahead_m, 0.0, 0.0))
-        self._tracks = ActorTracks()
         self._frame = -1
         self._table: dict[str, Any] = {}
 
@@ -124,12 +116,6 @@ class Opv2vWriter(FollowingWriter):
         text = yaml.safe_dump({"world": world, "carlaloc": about}, sort_keys=False)
         (scenario / PROTOCOL).write_text(text, encoding="utf-8")
         self._ground = self._load_ground()
-
-    def _place(self, piece: Piece) -> None:
-        if piece.place == OBJECTS:
-            self._tracks.add(piece)
-        else:
-            super()._place(piece)
 
     def _put(self, piece: Piece) -> None:
         channel, frame = self._channels[piece.place], piece.stamp_ns // FRAME_NS
@@ -154,9 +140,7 @@ class Opv2vWriter(FollowingWriter):
         return f"{self._frame * (FRAME_NS // STEP_NS):05d}"
 
     def _put_sweep(self, piece: Piece, lidar: Channel, T_world_base: Array) -> None:
-        rows = np.frombuffer(piece.data, POINT)
-        self._tracks.forget_before(piece.stamp_ns - STEP_NS)
-        world = at_stamp(piece, rows, self._path, self._tracks, lidar.T_ego_sensor)
+        rows, world = self._at_stamp(piece, lidar)
         T_world_lidar = T_world_base @ lidar.T_ego_sensor
         points = transforms.apply(_MIRROR @ transforms.invert(T_world_lidar), world)
         (self._folder / f"{self._number}.pcd").write_bytes(pcd(points, rows["intensity"]))
@@ -198,11 +182,7 @@ class Opv2vWriter(FollowingWriter):
     def _finish(self) -> None:
         self._put_last()
         self._put_table()
-        if not any(self._folder.glob("*.pcd")):
-            raise OSError("the stretch holds no whole sweep of the LiDAR; make it longer")
-
-    def _drop(self) -> None:
-        self._waiting.clear()
+        self._check_sweeps(any(self._folder.glob("*.pcd")))
 
 
 def scenario_of(about: Mapping[str, str]) -> str:
@@ -232,15 +212,9 @@ def vehicles_of(boxes: Boxes, world_m: Array, eye_m: Array) -> dict[int, dict[st
 
 def pcd(points_m: Array, intensity: NDArray[np.float32]) -> bytes:
     """Points (N, 3) [m] as a binary PCD whose colour's red channel is the intensity (N,), 0–255."""
-    rows = np.zeros(len(points_m), [("xyz", "<f4", 3), ("rgb", "<u4")])
     grey = np.clip(np.rint(intensity), 0, 255).astype(np.uint32)
-    rows["xyz"], rows["rgb"] = points_m, grey << 16 | grey << 8 | grey
-    header = (
-        "# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7", "FIELDS x y z rgb", "SIZE 4 4 4 4",
-        "TYPE F F F U", "COUNT 1 1 1 1", f"WIDTH {len(rows)}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0",
-        f"POINTS {len(rows)}", "DATA binary",
-    )  # fmt: skip
-    return "\n".join([*header, ""]).encode() + rows.tobytes()
+    columns = (*points_m.astype("<f4").T, grey << 16 | grey << 8 | grey)
+    return pcd_bytes(np.rec.fromarrays(columns, [*((axis, "<f4") for axis in "xyz"), ("rgb", "<u4")]))
 
 
 def _kmh(speed_mps: float) -> float:

@@ -46,7 +46,6 @@ class PreviewEncoder(Encoder):
     """
 
     def __init__(self, shown: Mapping[str, str]) -> None:
-        super().__init__()
         self.shown = dict(shown)
 
     def encode(self, sample: Sample) -> list[Piece]:

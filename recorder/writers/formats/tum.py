@@ -27,12 +27,7 @@ def write_tum(path: str | Path, motion: Motion, *, epoch_ns: int = DEFAULT_EPOCH
 
 
 def write_truth(
-    folder: str | Path,
-    timeline: Timeline,
-    stamps_ns: ArrayLike,
-    frames: Mapping[str, ArrayLike],
-    *,
-    epoch_ns: int = DEFAULT_EPOCH_NS,
+    folder: str | Path, timeline: Timeline, stamps_ns: ArrayLike, frames: Mapping[str, ArrayLike]
 ) -> list[Path]:
     """Write ``<frame>.tum`` for every frame on the car.
 
@@ -41,13 +36,12 @@ def write_truth(
         timeline: The drive.
         stamps_ns: Times [ns], shape (M,).
         frames: Maps each frame's coordinates to `base_link`, shape (4, 4), by the frame's name.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: a file exists or cannot be written.
     """
     motion = timeline.ego_motion(stamps_ns)
     return [
-        write_tum(path_below(folder, f"{name}.tum"), motion.at_mount(T_base_frame), epoch_ns=epoch_ns)
+        write_tum(path_below(folder, f"{name}.tum"), motion.at_mount(T_base_frame))
         for name, T_base_frame in frames.items()
     ]

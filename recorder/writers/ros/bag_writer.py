@@ -55,7 +55,7 @@ class BagEncoder(Encoder):
         truth_tf: bool = False,
         clock: bool = False,
     ) -> None:
-        super().__init__(epoch_ns=epoch_ns)
+        self.epoch_ns = epoch_ns
         if epoch_ns <= 0:
             raise WriterError(f"epoch {epoch_ns} ns; ROS needs times after 0")
         self.calibration = calibration

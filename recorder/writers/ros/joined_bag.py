@@ -17,7 +17,7 @@ from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.atomic_files import part_path, remove
 from recorder.bags.reader import open_bag
 from recorder.writers.ros.mcap_storage import McapBag
-from recorder.writers.ros.rosbag1 import compress_lz4_for_ros
+from recorder.writers.ros.rosbag1 import bag1_file
 from recorder.writers.ros.rosbag2 import STORAGES, VERSION
 
 GLOBAL = ("/clock",)
@@ -68,12 +68,7 @@ def _opened(part: Path, name: str, format_name: str) -> Any:
         part.mkdir()
         # The library names files after the folder.
         return McapBag(part / name, version=VERSION, storage_plugin=STORAGES[kind or "mcap"])
-    bag = Bag1File(part)
-    if kind:
-        bag.set_compression(Bag1File.CompressionFormat[kind.upper()])
-    if kind == "lz4":
-        bag.compressor = compress_lz4_for_ros
-    return bag
+    return bag1_file(part, kind or "none")
 
 
 def _added(bag: Any, name: str, connection: Connection, reader: AnyReader) -> Connection:

@@ -45,7 +45,8 @@ class McapStorage:
         for name, values in metadata.items():
             self._file.add_metadata(name, dict(values))
         for name, text in attachments.items():
-            self._file.add_attachment(time_ns, time_ns, name, _media_type(name), text.encode())
+            kind = "application/yaml" if name.endswith(".yaml") else "text/plain"
+            self._file.add_attachment(time_ns, time_ns, name, kind, text.encode())
 
     def add_msgtype(self, connection: Connection) -> None:
         """Add the definition of a type."""
@@ -79,7 +80,3 @@ class McapBag(BagFile):
     """`rosbags.rosbag2.Writer` with this storage."""
 
     STORAGE_PLUGINS = {**BagFile.STORAGE_PLUGINS, StoragePlugin.MCAP: McapStorage}  # noqa: RUF012
-
-
-def _media_type(name: str) -> str:
-    return "application/yaml" if name.endswith(".yaml") else "text/plain"

@@ -35,6 +35,16 @@ def compress_lz4_for_ros(data: bytes) -> bytes:
     return frame
 
 
+def bag1_file(path: Path, compression: str) -> BagFile:
+    """A bag that is not open yet, its chunks compressed by one of `COMPRESSIONS`."""
+    bag = BagFile(path)
+    if compression != "none":
+        bag.set_compression(BagFile.CompressionFormat[compression.upper()])
+    if compression == "lz4":
+        bag.compressor = compress_lz4_for_ros
+    return bag
+
+
 class Ros1Encoder(BagEncoder):
     """Messages as ROS 1 serialises them; the arguments are those of `BagEncoder`."""
 
@@ -73,11 +83,7 @@ class Rosbag1Writer(BagWriter):
         self._counts: dict[str, int] = {}
 
     def _begin(self, part: Path) -> None:
-        self._bag = BagFile(part)
-        if self._compression != "none":
-            self._bag.set_compression(BagFile.CompressionFormat[self._compression.upper()])
-        if self._compression == "lz4":
-            self._bag.compressor = compress_lz4_for_ros
+        self._bag = bag1_file(part, self._compression)
         self._bag.open()
 
     def _add(self, piece: Piece, *, latched: bool = False) -> None:
@@ -86,15 +92,12 @@ class Rosbag1Writer(BagWriter):
                 piece.place, piece.kind, typestore=self.encoder.typestore, latching=1 if latched else None
             )
         data = piece.data
-        if self._has_header(piece.kind):
+        if self.encoder.maker.fields_of(piece.kind.replace("/msg/", "/"))[0] == "header":
             # Its first field is `seq`, the number of the message on its topic.
             seq = self._counts.get(piece.place, 0)
             self._counts[piece.place] = seq + 1
             data = seq.to_bytes(4, "little") + data[4:]
         self._bag.write(self._connections[piece.place], self.encoder.unix_ns(piece.stamp_ns), data)
-
-    def _has_header(self, kind: str) -> bool:
-        return self.encoder.maker.fields_of(kind.replace("/msg/", "/"))[0] == "header"
 
     def _finish(self) -> None:
         self._bag.close()

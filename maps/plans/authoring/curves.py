@@ -1,19 +1,73 @@
-"""Operations on a finished path: cut it, shift it aside, run it backwards, turn round."""
+"""Curves of plans, and operations on finished paths: cut, trim, shift aside, run backwards, turn round."""
 
+import itertools
 import math
+from collections.abc import Sequence
 
-from carlaloc_env.authoring.geometry.newton import PlanError
-from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose, wrap
+from carlaloc_env.authoring.geometry.newton import PlanError, solve
+from carlaloc_env.authoring.geometry.plan_view_curves import Path, Piece, Pose, corner, tidy, wrap
 
 
-def curvature(path: Path, s: float) -> float:
-    """Curvature [1/m] of lines, arcs and clothoids at `s` metres."""
-    rest = s
-    for piece in path.pieces:
-        if rest <= piece.length + 1e-9:
-            return piece.k0 + (piece.k1 - piece.k0) * min(rest / piece.length, 1.0)
-        rest -= piece.length
-    return path.pieces[-1].k1
+def fillet(points: Sequence[tuple[float, float]], corners: Sequence[tuple[float, float]]) -> Path:
+    """Polyline whose inner corners are rounded: `corners` holds (radius, clothoid length) [m] of each."""
+    headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in itertools.pairwise(points)]
+    reach = [0.0]
+    bends: list[list[Piece]] = []
+    for i, (radius, spiral) in enumerate(corners):
+        delta = wrap(headings[i + 1] - headings[i])
+        fraction = spiral / (2 * radius * abs(delta))
+        unit = corner(delta, 1.0, fraction)
+        scale = radius * abs(unit[1].k0)
+        bends.append([Piece(p.length * scale, p.k0 / scale, p.k1 / scale) for p in unit])
+        reach.append(scale)
+    reach.append(0.0)
+    pieces: list[Piece] = []
+    for i, (a, b) in enumerate(itertools.pairwise(points)):
+        straight = math.hypot(b[0] - a[0], b[1] - a[1]) - reach[i] - reach[i + 1]
+        if straight < -1e-9:
+            raise PlanError(f"the bends beside ({b[0]:.0f}, {b[1]:.0f}) overlap by {-straight:.1f} m")
+        pieces.append(Piece(straight))
+        pieces.extend(bends[i] if i < len(bends) else [])
+    return Path(Pose(points[0][0], points[0][1], headings[0]), tidy(pieces))
+
+
+def ring_entry(start: Pose, end: Pose, end_curvature: float, first_m: float, last_m: float) -> Path:
+    """Straight, clothoid, right-hand arc, clothoid onto a ring that bends the other way."""
+
+    def chain(unknown: Sequence[float]) -> list[Piece]:
+        straight, k, arc = unknown
+        return [
+            Piece(straight),
+            Piece(first_m, 0.0, -k),
+            Piece(arc, -k, -k),
+            Piece(last_m, -k, end_curvature),
+        ]
+
+    def miss(unknown: Sequence[float]) -> list[float]:
+        tip = Path(start, tuple(chain(unknown))).end
+        return [tip.x - end.x, tip.y - end.y, wrap(tip.h - end.h)]
+
+    roots = solve(miss, [5.0, 0.05, 10.0])
+    if min(roots) <= 0:
+        raise PlanError(
+            f"no ring entry: straight {roots[0]:.1f} m, curvature {roots[1]:.3f}, arc {roots[2]:.1f} m"
+        )
+    return Path(start, tuple(chain(roots)))
+
+
+def trimmed(path: Path, first_m: float, last_m: float) -> Path:
+    """Path without the first and last metres, which must lie on straights."""
+    pieces = list(path.pieces)
+    for index, cut_m in ((0, first_m), (-1, last_m)):
+        if cut_m == 0.0:
+            continue
+        if pieces[index].kind != "line" or pieces[index].length < cut_m - 1e-9:
+            raise PlanError(
+                f"road near ({path.start.x:.0f}, {path.start.y:.0f}) has no {cut_m:.1f} m of straight "
+                "at its end: move the node or take a smaller curve"
+            )
+        pieces[index] = Piece(pieces[index].length - cut_m)
+    return Path(path.start.ahead(first_m), tidy(pieces))
 
 
 def cut(path: Path, first_m: float, last_m: float, *, closed: bool = False) -> Path:
@@ -96,3 +150,12 @@ def meeting(a: Pose, b: Pose) -> tuple[float, float]:
     v = -dx * math.sin(a.h) + dy * math.cos(a.h)
     behind = v / math.sin(delta)
     return u - behind * math.cos(delta), behind
+
+
+def mirrored(path: Path, axis: Pose) -> Path:
+    """Path reflected in an axis and run the other way: an entry becomes the exit beside it."""
+    end = path.end
+    c, s = math.cos(2 * axis.h), math.sin(2 * axis.h)
+    dx, dy = end.x - axis.x, end.y - axis.y
+    start = Pose(axis.x + c * dx + s * dy, axis.y + s * dx - c * dy, wrap(2 * axis.h - end.h + math.pi))
+    return Path(start, tuple(Piece(p.length, p.k1, p.k0) for p in reversed(path.pieces)))
