@@ -18,9 +18,9 @@ from typing import Any
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.ego import DEFAULT_RIDE
 from carlaloc_env.core.errors import ConfigError, WriterError
-from carlaloc_env.core.files.atomic_files import atomic_write
+from carlaloc_env.core.files.atomic_files import atomic_write, remove
 from carlaloc_env.core.files.config_files import set_paths
-from carlaloc_env.core.files.file_locks import take_lock
+from carlaloc_env.core.files.file_locks import claim
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.map.sources import ALIASES, known_towns
 from carlaloc_env.rigs.presets import RIG_RIDES
@@ -32,7 +32,7 @@ from recorder.replaying.conditions import conditions_of
 from recorder.replaying.cost import ReplayCost, replay_cost
 from recorder.replaying.options import ReplayOptions, rig_of
 from recorder.replaying.replay import replay
-from recorder.replaying.working_folder import busy
+from recorder.replaying.working_folder import OWNER, busy
 from recorder.writers.stream_sizes import Stretch
 
 SAMPLE_FROM_S = 8.0
@@ -233,8 +233,8 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
     """
     (out / WORK).mkdir(parents=True, exist_ok=True)
     with (out / WORK / "recipe.json").open("a+", encoding="utf-8") as file:
-        if not take_lock(file):
-            raise WriterError(busy(out))
+        if (holder := claim(out / WORK / OWNER, file)) is not None:
+            raise WriterError(busy(out, holder))
         file.seek(0)
         text = file.read()
         begun_recipe: Any = json.loads(text) if text else {}
@@ -248,7 +248,10 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
         if not text:
             file.write(json.dumps(recipe))
             file.flush()
-        yield
+        try:
+            yield
+        finally:
+            remove(out / WORK / OWNER)
 
 
 def _get_drive(config: DatasetConfig, town: str, report: _DriveProgress) -> None:

@@ -2,7 +2,8 @@
 
 ``OUT/.carlaloc-partial`` holds ``run.json``, which describes the run; ``units``, the finished units of
 workers; and the town's folder as it will stand in the dataset. A run holds a lock on ``run.json`` that the
-kernel releases when the process ends. The same run resumes from the remains of a killed or failed run.
+kernel releases when the process ends, and ``owner``, which names its host and process. The same run resumes
+from the remains of a killed or failed run.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from types import TracebackType
 from typing import IO, Any
 
 from carlaloc_env.core.errors import WriterError, check_name
-from carlaloc_env.core.files.file_locks import has_name, take_lock
+from carlaloc_env.core.files.atomic_files import remove
+from carlaloc_env.core.files.file_locks import claim, has_name
 from carlaloc_env.core.files.output_paths import path_below
 from recorder.dataset.layout import CALIBRATION, GROUND_TRUTH, DriveFolder
 from recorder.dataset.manifest import has_drive, list_drive
@@ -27,6 +29,8 @@ FOLDER = ".carlaloc-partial"
 """Folder of unfinished work in the folder of a dataset."""
 MARKER = "run.json"
 """File that describes the run; locked while the run lives."""
+OWNER = "owner"
+"""Claim of the run that lives (`claim` of `output_paths`)."""
 WHOLE = "whole\n"
 """Second line of that file, written when all outputs are complete."""
 UNITS = "units"
@@ -92,9 +96,9 @@ class WorkingFolder:
         while True:
             self.path.mkdir(parents=True, exist_ok=True)
             marker = (self.path / MARKER).open("a+", encoding="utf-8")
-            if not take_lock(marker):
+            if (other := claim(self.path / OWNER, marker)) is not None:
                 marker.close()
-                raise WriterError(busy(self._out))
+                raise WriterError(busy(self._out, other))
             # A run that has just ended may have removed the file meanwhile.
             if has_name(marker, self.path / MARKER):
                 marker.seek(0)
@@ -189,13 +193,14 @@ class WorkingFolder:
 
     def _unlock(self) -> None:
         if self._lock is not None:
+            remove(self.path / OWNER)
             self._lock.close()
             self._lock = None
 
 
-def busy(out: Path) -> str:
+def busy(out: Path, other: str) -> str:
     """Error of a folder in which another process works."""
-    return f"another run is at work in {out}; wait until it has ended, or choose another --out"
+    return f"another run is at work in {out}: {other}; wait until it has ended, or choose another --out"
 
 
 def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:

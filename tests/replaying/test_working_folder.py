@@ -1,6 +1,9 @@
 """Whose unfinished work it is: another configuration and a second run at once are refused in one line."""
 
+import os
+import platform
 import shutil
+import subprocess
 import sys
 import tempfile
 from dataclasses import replace
@@ -12,6 +15,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.files.file_locks import _boot
 from recorder.benchmark.plan import find_sequences
 from recorder.dataset.checksums import checksums
 from recorder.dataset.layout import CHECKSUMS
@@ -19,7 +23,7 @@ from recorder.replaying import cost, run
 from recorder.replaying import plan as replay_plan
 from recorder.replaying.code_digest import code_digest
 from recorder.replaying.replay import ReplayConfig, replay
-from recorder.replaying.working_folder import FOLDER, WorkingFolder
+from recorder.replaying.working_folder import FOLDER, OWNER, WorkingFolder
 from recorder.verification.verify import verify
 
 
@@ -84,6 +88,56 @@ def test_two_runs_at_once_are_refused(straight_drive: StraightDrive, tmp_path: P
             replay(straight_drive.config(out))
         assert work.path.is_dir()
     assert not out.exists()
+
+
+_HOLDER = """
+import fcntl, pathlib, sys, time; fcntl.flock = lambda *_: None
+from recorder.replaying.working_folder import WorkingFolder
+with WorkingFolder(pathlib.Path(sys.argv[1]), "straight", {}, {"seed": "1"}):
+    print("held", flush=True); time.sleep(600)
+"""
+"""A run on a disk whose locks exclude nobody."""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="locks as on Linux")
+def test_where_locks_exclude_nobody_runs_are_told_apart_by_host_and_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As over NFS: a live run is left alone, a killed one is resumed, and one elsewhere cannot be asked."""
+    monkeypatch.setattr("fcntl.flock", lambda *_: None)
+    out = tmp_path / "data"
+    work = WorkingFolder(out, "straight", {}, {"seed": "1"})
+    command = [sys.executable, "-c", _HOLDER, str(out)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "held\n"
+        holder = f"process {process.pid} on host {platform.node()}"
+        refused = rf"another run is at work in .*: {holder}; wait until it"
+        with pytest.raises(WriterError, match=refused), work:
+            pass
+        assert (work.path / OWNER).is_symlink()
+        process.kill()
+    with work:
+        assert (work.path / OWNER).is_symlink()
+        with pytest.raises(WriterError, match=f"process {os.getpid()} on host"):
+            WorkingFolder(out, "straight", {}, {"seed": "1"}).__enter__()
+    work.path.mkdir(parents=True)
+    (work.path / OWNER).symlink_to("elsewhere 0 1")
+    cure = r"process 1 on host elsewhere \(if it has ended there, delete .*owner\)"
+    with pytest.raises(WriterError, match=cure), work:
+        pass
+    (work.path / OWNER).unlink()
+    with work:
+        assert work.units_dir.is_dir()
+
+
+def test_where_locks_hold_a_killed_run_of_another_container_is_resumed(tmp_path: Path) -> None:
+    """Containers of one machine differ in their names, and all have a process of the same number."""
+    work = WorkingFolder(tmp_path / "data", "straight", {}, {"seed": "1"})
+    work.path.mkdir(parents=True)
+    (work.path / OWNER).symlink_to(f"another {_boot()} {os.getpid()}")
+    with work:
+        assert work.units_dir.is_dir()
 
 
 def test_a_full_disk_is_one_line_and_with_room_the_same_command_goes_on(
