@@ -99,8 +99,9 @@ def test_a_warming_imu_gains_its_bias_within_five_minutes() -> None:
     assert faulty(imu(), "imu.imu", warm_up_k=10.0) == imu()
     warm = faulty(imu(300_000 * MS), "imu.imu", warm_up_k=10.0)
     share, true = 1 - math.exp(-1), imu()
-    np.testing.assert_allclose(abs(warm.angular_rate_radps - true.angular_rate_radps), share * math.radians(0.15))
-    np.testing.assert_allclose(abs(warm.specific_force_mps2 - true.specific_force_mps2), share * 0.0980665)
+    rate, force = warm.angular_rate_radps - true.angular_rate_radps, warm.specific_force_mps2
+    np.testing.assert_allclose(abs(rate), share * math.radians(0.15))
+    np.testing.assert_allclose(abs(force - true.specific_force_mps2), share * 0.0980665)
 
 
 def test_jitter_is_normal_and_keeps_the_order() -> None:
