@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -164,8 +165,9 @@ def main(passes: list[str]) -> None:
     runs: list[Run] = []
     if kept.exists():
         for row in csv.DictReader(kept.open(encoding="utf-8")):
-            numbers = {key: float(row.pop(key)) for key in ("drift_percent", "plane_percent", "ape_m")}
-            runs.append(Run(**row, **numbers))
+            measures = ("drift_percent", "plane_percent", "ape_m")
+            values: dict[str, Any] = row | {key: float(row[key]) for key in measures}
+            runs.append(Run(**values))
     for word in passes:
         name, _, folder = word.partition("=")
         runs = [run for run in runs if run.of != name]
@@ -175,8 +177,8 @@ def main(passes: list[str]) -> None:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(Run.__slots__)
             for run in runs:
-                values = (getattr(run, key) for key in Run.__slots__)
-                writer.writerow([f"{v:.5g}" if isinstance(v, float) else v for v in values])
+                cells = (getattr(run, key) for key in Run.__slots__)
+                writer.writerow([f"{cell:.5g}" if isinstance(cell, float) else cell for cell in cells])
     for row in csv.DictReader((HERE / "plan.csv").open(encoding="utf-8")):
         found = {
             measure: measured(row["effect"], runs, measure) for measure in ("drift_percent", "plane_percent")

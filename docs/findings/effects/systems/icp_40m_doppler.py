@@ -36,11 +36,12 @@ def cloud(scan: Any) -> Any:
 
 def run(sequence: SlamSequence, clock: FrameClock, weight: float = DOPPLER_WEIGHT) -> Any:
     """Poses of the LiDAR."""
+    tensor: Any = open3d.core.Tensor
     kernel = registration.robust_kernel.RobustKernel
     tukey = registration.robust_kernel.RobustKernelMethod.TukeyLoss
     estimation = registration.TransformationEstimationForDopplerICP(
         PERIOD_S, weight, weight > 0, DYNAMIC_MPS, 2, 0, 2, kernel(tukey, 0.5, 1.0), kernel(tukey, 0.2, 1.0),
-        open3d.core.Tensor(np.eye(4)),
+        tensor(np.eye(4)),
     )  # fmt: skip
     criteria = registration.ICPConvergenceCriteria(1e-6, 1e-6, 50)
     pose, step, last = np.eye(4), np.eye(4), None
@@ -48,7 +49,7 @@ def run(sequence: SlamSequence, clock: FrameClock, weight: float = DOPPLER_WEIGH
         with clock.frame():
             now = cloud(scan)
             if last is not None:
-                start = open3d.core.Tensor(step)
+                start = tensor(step)
                 found = registration.icp(now, last, REACH_M, start, estimation, criteria)
                 step = found.transformation.numpy()
                 pose = pose @ step
