@@ -155,6 +155,8 @@ def test_what_cannot_be_written_is_refused(fleet: Path, capsys: pytest.CaptureFi
         (line,) = capsys.readouterr().err.strip().splitlines()
         assert words in line
     assert not (fleet / "third").exists()
+    assert main(["benchmark", str(fleet / "two.mcap"), "--methods", "no.py", "--out", str(fleet / "no")]) == 1
+    assert "two.mcap has 2 cars, the first is scored" in capsys.readouterr().err
 
 
 def clouds_of(bag: Path, topic: str) -> list[tuple[int, np.ndarray]]:
