@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
@@ -164,15 +165,13 @@ def _eye(plan: ReplayPlan) -> Eye | None:
     found = [config for kind in kinds for config in plan.rig.sensors if isinstance(config, kind)]
     if not found:
         return None
-    sensor, stands = found[0], plan.config.roadside is not None
-    if not stands:
-        frames = frames_along(plan.timeline, sensor, every_m=EVERY_M, span_ns=plan.span_ns)
-        return Eye(sensor=sensor, frames=frames, stands=False)
-    at = np.array(plan.span_ns[:1])
+    sensor, stands, at = found[0], plan.config.roadside is not None, np.array(plan.span_ns[:1])
     T = plan.timeline.ego_motion(at).T_world_frame @ sensor.mount.T_base_sensor
-    return Eye(
-        sensor=sensor, frames=Frames(stamp_ns=at, distance_m=np.zeros(1), T_world_sensor=T), stands=True
-    )
+    frames = Frames(stamp_ns=at, distance_m=np.zeros(1), T_world_sensor=T)
+    if not stands:
+        with suppress(EvaluationError):  # a car that waits has one frame, too
+            frames = frames_along(plan.timeline, sensor, every_m=EVERY_M, span_ns=plan.span_ns)
+    return Eye(sensor=sensor, frames=frames, stands=stands)
 
 
 def _stage(plan: ReplayPlan) -> SensorStage:
