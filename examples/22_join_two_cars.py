@@ -28,6 +28,8 @@ def main(fleet: Path = Path("fleet"), scores: Path = Path("scores")) -> tuple[To
     graph, start, between = gtsam.NonlinearFactorGraph(), gtsam.Values(), gtsam.BetweenFactorPose3
     graph.add(gtsam.PriorFactorPose3(0, ways[0][0], SIGMAS(PRIOR)))
     for row in csv.DictReader((fleet / "between_cars" / "closures.csv").open()):
+        if (row["car_a"], row["car_b"]) != ("car1", "car2"):
+            continue  # a unit by the road, or a third car
         stamps = [int(row[f"stamp_{car}_ns"]) + epoch_ns for car in "ab"]
         a, b = (int(np.abs(one.stamp_ns - at).argmin()) for one, at in zip(found, stamps, strict=True))
         a_b = base_lidar.inverse() * _pose(np.array([float(row[name]) for name in POSE])) * base_lidar

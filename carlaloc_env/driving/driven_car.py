@@ -13,7 +13,7 @@ from carlaloc_env.driving.on_route import OnRoute
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.map.routing.route import Route
 from carlaloc_env.physics.contacts import Contact
-from carlaloc_env.physics.ego import EgoCar, EgoState
+from carlaloc_env.physics.ego import EgoCar, EgoState, EgoTick
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
@@ -57,9 +57,9 @@ class DrivenCar(OnRoute):
         """Find the place on the route where it begins."""
         self._road.start(self.state.position_m)
 
-    def record(self, controls: Controls) -> None:
+    def record(self, controls: Controls) -> EgoTick:
         """Append the state now, and the controls that led to it, to the timeline."""
-        self.body.follow(self.timeline.ego, self.timeline.car, controls)
+        return self.body.follow(self.timeline.ego, self.timeline.car, controls)
 
     def read(self) -> None:
         """Take over what a tick of the world has done to the body."""

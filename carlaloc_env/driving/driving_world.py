@@ -291,9 +291,9 @@ class DrivingWorld:
         self._step += 1
 
     def _record(self, number: int, car: DrivenCar, controls: Controls) -> None:
-        car.record(controls)
+        state = car.record(controls)
         if self.listener is not None:
-            self.listener.on_tick(self._tick, car.body.plain_state(), controls, number)
+            self.listener.on_tick(self._tick, state, controls, number)
 
     def _seen_cars(self) -> list[EgoView]:
         return [car.as_seen() for car in self.cars]

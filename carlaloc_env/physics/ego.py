@@ -274,23 +274,14 @@ class EgoCar:
         """Forward speed of `base_link` [m/s]."""
         return self._base.speed_mps
 
-    def follow(self, ego: EgoTrack, car: CarTrack, controls: Controls) -> None:
+    def follow(self, ego: EgoTrack, car: CarTrack, controls: Controls) -> EgoTick:
         """Append the state after the last tick, and the controls that led there, to its tracks."""
-        ego.append(self._base.position_m, self._pose[1])
-        car.append(self._wheels["spin_radps"].tolist(), self._drive["steer_rad"].item(), controls)
-
-    def plain_state(self) -> EgoTick:
-        """State after the last tick in plain numbers."""
-        base = self._base
-        return EgoTick(
-            base.position_m,
-            self._pose[1],
-            base.velocity_world_mps,
-            base.omega_body_radps,
-            self._drive["steer_rad"].item(),
-            base.speed_mps,
-            self._wheels["spin_radps"].tolist(),
-        )
+        base, position_m, quat_xyzw = self._base, self._base.position_m, self._pose[1]
+        steer_rad, spins_radps = self._drive["steer_rad"].item(), self._wheels["spin_radps"].tolist()
+        ego.append(position_m, quat_xyzw)
+        car.append(spins_radps, steer_rad, controls)
+        twist = base.velocity_world_mps, base.omega_body_radps
+        return EgoTick(position_m, quat_xyzw, *twist, steer_rad, base.speed_mps, spins_radps)
 
     def state(self) -> EgoState:
         """State after the last tick."""

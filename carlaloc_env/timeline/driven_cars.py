@@ -78,10 +78,9 @@ class DrivenCars:
             track, car = self.tracks[c]
             columns[c] = _columns(track.motion(stamps))[0]
             if len(car):
-                state = car.at(stamps)
-                of_car[c] = state.wheel_angle_rad.sum() * 0.25 * EGO_ROLLING_RADIUS_M, state.road_wheel_rad[0]
-                brakes = float(state.brake[0]) > BRAKE_FRACTION
-                lights[c] = brakes * LIGHT_BRAKE + bool(state.reverse[0]) * LIGHT_REVERSE
+                angle, steer, brake, reverse = car.one_at(stamp_ns)
+                of_car[c] = angle * EGO_ROLLING_RADIUS_M, steer
+                lights[c] = (brake > BRAKE_FRACTION) * LIGHT_BRAKE + reverse * LIGHT_REVERSE
         p = columns.astype(np.float32)
         frame = ActorFrame(
             position_m=p[:, :3], heading_rad=p[:, 3], pitch_rad=p[:, 4], roll_rad=p[:, 5], speed_mps=p[:, 6],

@@ -110,10 +110,8 @@ class CarTrack:
                 "leave wheels out of the rig"
             )
         row = stamps // TICK_NS - self._first_tick
-        if len(row) and not 0 <= row.min() <= row.max() < self._count:
-            raise EpisodeError(
-                f"wheels are known from tick {self._first_tick} to {self._first_tick + self._count - 1} only"
-            )
+        if len(row):
+            self._check_known(int(row.min()), int(row.max()))
         after = np.minimum(row + 1, self._count - 1)
         begin = self._rows[row]
         fraction = ((stamps % TICK_NS) / TICK_NS)[:, None]
@@ -127,3 +125,23 @@ class CarTrack:
             reverse=begin[:, 11] > 0.5,
             handbrake=begin[:, 12] > 0.5,
         )
+
+    def one_at(self, stamp_ns: int) -> tuple[float, float, float, bool]:
+        """Mean angle of the wheels [rad], angle of the front wheels [rad], brake 0–1 and reverse, as `at`.
+
+        Numbers of a single time come six times as fast as arrays.
+        """
+        row, rest_ns = divmod(stamp_ns - self._first_tick * TICK_NS, TICK_NS)
+        self._check_known(row, row)
+        fraction, begin = rest_ns / TICK_NS, self._rows[row].tolist()
+        after = self._rows[min(row + 1, self._count - 1)].tolist()
+        a, b, c, d, *_, steer, _, brake, _, _ = (
+            start + fraction * (end - start) for start, end in zip(begin, after, strict=True)
+        )
+        return (a + b + c + d) * 0.25, steer, brake, begin[11] > 0.5
+
+    def _check_known(self, first: int, last: int) -> None:
+        if not 0 <= first <= last < self._count:
+            raise EpisodeError(
+                f"wheels are known from tick {self._first_tick} to {self._first_tick + self._count - 1} only"
+            )

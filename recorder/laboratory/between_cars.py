@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -13,10 +14,9 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.timeline.motion import Motion
@@ -46,7 +46,7 @@ class BetweenCars:
     folder: Path
     """Folder of the tables."""
     closures: int | None
-    """Number of closures; None: there is one car, or the rig has neither LiDAR nor camera."""
+    """Number of closures; None: no two have a LiDAR or a camera."""
 
 
 def write_between_cars(
@@ -59,7 +59,7 @@ def write_between_cars(
     """Write the truth between the cars of a drive, and fixed units; poses that are there already are kept.
 
     Args:
-        plans: The replay of each car and unit, of one stretch; closures are those of cars.
+        plans: The replay of each car and unit, of one stretch.
         out: Folder of the cars' folders.
         radio_range_m: Distance within which cars hear each other [m].
         report: Called with pairs of cars done and in all.
@@ -71,23 +71,21 @@ def write_between_cars(
     if not radio_range_m > 0.0:
         raise ConfigError(f"radio range {radio_range_m:g} m; give more than 0")
     folder, first = out / FOLDER, plans[0]
-    sensor = _sensor(first)
-    timelines = [plan.timeline for plan in plans]
     stamps = np.arange(*first.span_ns, STEP_NS)
-    pairs, names = list(combinations(range(len(plans)), 2)), [plan.config.carrier for plan in plans]
-    is_car = [plan.config.roadside is None for plan in plans]
     contacts: list[list[object]] = []
     closures: list[list[object]] = []
-    stage = _stage(first) if sensor is not None and sum(is_car) > 1 else None
-    for done, (a, b) in enumerate(pairs):
-        relative = relative_motion(timelines[a], timelines[b], stamps)
-        path, pair = folder / f"{names[a]}_{names[b]}.tum", [names[a], names[b]]
+    eyes = [_eye(plan) for plan in plans]
+    stage = _stage(first) if len(eyes) - eyes.count(None) > 1 else None
+    pairs = list(combinations(zip(plans, eyes, strict=True), 2))
+    for done, ((a, eye_a), (b, eye_b)) in enumerate(pairs):
+        relative = relative_motion(a.timeline, b.timeline, stamps)
+        pair = [a.config.carrier, b.config.carrier]
+        path = folder / f"{pair[0]}_{pair[1]}.tum"
         if not path.exists():
             write_tum(path, relative, epoch_ns=DEFAULT_EPOCH_NS)
         contacts += [[*pair, *row] for row in contact_times(relative, radio_range_m)]
-        if stage is not None and sensor is not None and is_car[a] and is_car[b]:
-            found = true_closures(stage.rays(), sensor, (timelines[a], timelines[b]), first.span_ns)
-            closures += [[*pair, *row] for row in found]
+        if stage is not None and eye_a is not None and eye_b is not None:
+            closures += [[*pair, *row] for row in true_closures(stage.rays(), eye_a, eye_b)]
         report(done + 1, len(pairs))
     write_csv(folder / "radio.csv", ["car_a", "car_b", "begin_ns", "end_ns", "nearest_m"], contacts)
     if stage is None:
@@ -126,45 +124,54 @@ def contact_times(relative: Motion, range_m: float) -> list[list[object]]:
     ]
 
 
-def true_closures(
-    rays: RayScene,
-    sensor: LidarConfig | CameraConfig,
-    pair: tuple[Timeline, Timeline],
-    span_ns: tuple[int, int],
-) -> list[list[object]]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Eye:
+    """Sensor of a car or unit, and its frames."""
+
+    sensor: LidarConfig | CameraConfig
+    frames: Frames
+    """Frames every two metres; of a unit, which stands still, the first one."""
+    stands: bool
+    """Whether this is a unit."""
+
+    def base(self, number: int) -> Array:
+        """Pose of the `base_link` at a frame, world, shape (4, 4)."""
+        T = self.sensor.mount.T_base_sensor
+        return np.asarray(self.frames.T_world_sensor[number] @ transforms.invert(T))
+
+
+def true_closures(rays: RayScene, first: Eye, second: Eye) -> list[list[object]]:
     """Stamps [ns], pose of the second `base_link` in the first, and overlap, of frames that show one place.
 
-    Args:
-        rays: The town.
-        sensor: Sensor of both cars.
-        pair: Their drives.
-        span_ns: First stamp and end (not included) of the stretch [ns].
+    A unit shows its place at all times: its stamp is that of the car.
     """
-    frames = [frames_along(timeline, sensor, every_m=EVERY_M, span_ns=span_ns) for timeline in pair]
-    found = find_pairs(rays, field_of(sensor), *frames, within_m=WITHIN_M)
+    fields = field_of(first.sensor), field_of(second.sensor)
+    found = find_pairs(rays, fields[0], first.frames, second.frames, within_m=WITHIN_M, other=fields[1])
     rows: list[list[object]] = []
     for k in np.flatnonzero(found.overlap >= LEAST_OVERLAP):
         a, b = int(found.query[k]), int(found.reference[k])
-        T = transforms.invert(_base(frames[0], sensor, a)) @ _base(frames[1], sensor, b)
+        T = transforms.invert(first.base(a)) @ second.base(b)
         pose = [*T[:3, 3], *transforms.matrix_to_quat(T[:3, :3])]
         shares = found.of_query[k], found.of_reference[k], found.overlap[k]
-        stamps = int(frames[0].stamp_ns[a]), int(frames[1].stamp_ns[b])
+        stamps = [int(first.frames.stamp_ns[a]), int(second.frames.stamp_ns[b])]
+        stamps[1] = stamps[0] if second.stands else stamps[1]
         rows.append([*stamps, *(f"{v:.9f}" for v in pose), *(f"{share:.4f}" for share in shares)])
     return rows
 
 
-def _base(frames: Frames, sensor: SensorConfig, number: int) -> Array:
-    pose: Array = frames.T_world_sensor[number] @ transforms.invert(sensor.mount.T_base_sensor)
-    return pose
-
-
-def _sensor(plan: ReplayPlan) -> LidarConfig | CameraConfig | None:
+def _eye(plan: ReplayPlan) -> Eye | None:
     """The rig's first LiDAR, or else its first camera."""
-    for kind in (LidarConfig, CameraConfig):
-        found = next((config for config in plan.rig.sensors if isinstance(config, kind)), None)
-        if found is not None:
-            return found
-    return None
+    kinds = (LidarConfig, CameraConfig)
+    found = [config for kind in kinds for config in plan.rig.sensors if isinstance(config, kind)]
+    if not found:
+        return None
+    sensor, stands, at = found[0], plan.config.roadside is not None, np.array(plan.span_ns[:1])
+    T = plan.timeline.ego_motion(at).T_world_frame @ sensor.mount.T_base_sensor
+    frames = Frames(stamp_ns=at, distance_m=np.zeros(1), T_world_sensor=T)
+    if not stands:
+        with suppress(EvaluationError):  # a car that waits has one frame, too
+            frames = frames_along(plan.timeline, sensor, every_m=EVERY_M, span_ns=plan.span_ns)
+    return Eye(sensor=sensor, frames=frames, stands=stands)
 
 
 def _stage(plan: ReplayPlan) -> SensorStage:

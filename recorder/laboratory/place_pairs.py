@@ -127,6 +127,7 @@ def find_pairs(
     reference: Frames,
     *,
     within_m: float,
+    other: Field | None = None,
     count: int = 1000,
     report: Progress = lambda *_: None,
 ) -> Pairs:
@@ -138,6 +139,7 @@ def find_pairs(
         query: Frames that look for their place.
         reference: Frames of the known drive.
         within_m: Longest distance between both [m].
+        other: Field of the reference's sensor; None: the same.
         count: About how many rays each frame casts; a share has an error of at most 0.5/√count (1 σ).
         report: Called at each frame.
     """
@@ -146,18 +148,19 @@ def find_pairs(
     near = np.sort(near, order=["i", "j"])
     i, j = near["i"].astype(np.intp), near["j"].astype(np.intp)
     total = 2 * (len(query) + len(reference))
-    views = []
-    for frames in (query, reference):
-        views.append([look(rays, field, T, count) for T in frames.T_world_sensor])
+    views, fields = [], (field, other or field)
+    for frames, of_frames in zip((query, reference), fields, strict=True):
+        views.append([look(rays, of_frames, T, count) for T in frames.T_world_sensor])
         report(sum(map(len, views)), total)
     shares = np.zeros((2, len(i)))
-    for side, (eyes, others, eye, other) in enumerate(
+    for side, (eyes, shown, eye, of_shown) in enumerate(
         ((views[1], views[0], j, i), (views[0], views[1], i, j))
     ):
         for number, view in enumerate(eyes):
             rows = np.flatnonzero(eye == number)
             if len(rows):
-                shares[side, rows] = seen_shares(rays, field, view, [others[k] for k in other[rows]])
+                known = [shown[k] for k in of_shown[rows]]
+                shares[side, rows] = seen_shares(rays, fields[1 - side], view, known)
         report(total // 2 * (side + 2) / 2, total)
     turn = np.einsum("nij,nij->n", query.T_world_sensor[i, :3, :3], reference.T_world_sensor[j, :3, :3])
     return Pairs(

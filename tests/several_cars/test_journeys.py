@@ -4,7 +4,9 @@ import csv
 import io
 import json
 import runpy
+from collections import defaultdict
 from contextlib import redirect_stdout
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from recorder.cli.main import main
+from recorder.dataset.layout import FORMATS, SequenceFolder
 from recorder.episode.episode import Episode
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.options import own_seed
@@ -25,6 +28,7 @@ from recorder.replaying.options import own_seed
 KINDS = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
 HALF_M, MIDDLE_M = 0.5 * np.array(EGO_SIZE_M), EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
 
+BAGS = [name for name, form in FORMATS.items() if form.is_bag]
 UNIT = (140.0, -56.0, 3.5, -20.0)
 RIG = {
     "name": "lean",
@@ -49,7 +53,8 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert main([*drive, "--duration", "9", "--seed", "3", "--out", str(folder / "two.mcap")]) == 0
     replayed = ["replay", str(folder / "two.mcap"), "--out", str(folder / "data"), "--car", "all"]
     asked = ["--rig", str(folder / "lean.yaml"), "--traffic", "empty", "--start", "2"]
-    asked += ["--format", "rosbag2,opv2v,nuscenes", "--one-bag", "--roadside", ",".join(map(str, UNIT))]
+    asked += ["--format", ",".join((*BAGS, "opv2v", "nuscenes")), "--one-bag"]
+    asked += ["--roadside", ",".join(map(str, UNIT))]
     assert main([*replayed, *asked, "--no-preview", "--workers", "1"]) == 0
     return folder
 
@@ -74,25 +79,27 @@ def test_both_cars_have_data_in_one_world_and_their_own_noise(fleet: Path) -> No
     assert seeds[1] != 3
 
 
-def test_truth_between_cars_is_that_of_both_truths(fleet: Path) -> None:
-    """Relative poses and closures against the truth of each car."""
-    between = fleet / "data" / "between_cars"
-    truths = [
-        read_tum(fleet / "data" / f"car{k}" / "Town01" / "ground_truth" / "base_link.tum") for k in (1, 2)
-    ]
-    T = [transforms.transform(truth.position_m, truth.quat_xyzw) for truth in truths]
-    relative = read_tum(between / "car1_car2.tum")
-    rows = np.searchsorted(truths[0].stamp_ns, relative.stamp_ns)
-    expected = transforms.invert(T[0][rows]) @ T[1][rows]
-    np.testing.assert_allclose(relative.position_m, expected[:, :3, 3], atol=1e-5)
+def test_truth_between_cars_and_units_is_that_of_all_truths(fleet: Path) -> None:
+    """Relative poses and closures of each pair against the truth of both."""
+    between, names = fleet / "data" / "between_cars", ("car1", "car2", "roadside1")
+    truths = [read_tum(fleet / "data" / k / "Town01" / "ground_truth" / "base_link.tum") for k in names]
+    stamps = truths[0].stamp_ns
+    T = {k: transforms.transform(one.position_m, one.quat_xyzw) for k, one in zip(names, truths, strict=True)}
     closures = list(csv.DictReader((between / "closures.csv").open()))
-    assert len(closures) > 5
-    epoch = truths[0].stamp_ns[0] - 2_000_000_000
-    for row in closures:
-        a, b = (int(np.searchsorted(truths[0].stamp_ns, epoch + int(row[f"stamp_{c}_ns"]))) for c in "ab")
-        expected = transforms.invert(T[0][a]) @ T[1][b]
-        np.testing.assert_allclose([float(row[f"{c}_m"]) for c in "xyz"], expected[:3, 3], atol=1e-4)
-        assert 0.3 <= float(row["overlap"]) <= 1.0
+    for a, b in combinations(names, 2):
+        relative = read_tum(between / f"{a}_{b}.tum")
+        rows = np.searchsorted(stamps, relative.stamp_ns)
+        expected = transforms.invert(T[a][rows]) @ T[b][rows]
+        np.testing.assert_allclose(relative.position_m, expected[:, :3, 3], atol=1e-5)
+        found = [row for row in closures if (row["car_a"], row["car_b"]) == (a, b)]
+        assert len(found) > 5
+        for row in found:
+            at = [np.searchsorted(stamps, stamps[0] - 2 * 10**9 + int(row[f"stamp_{c}_ns"])) for c in "ab"]
+            pose = transforms.invert(T[a][at[0]]) @ T[b][at[1]]
+            np.testing.assert_allclose([float(row[f"{c}_m"]) for c in "xyz"], pose[:3, 3], atol=1e-4)
+            assert 0.3 <= float(row["overlap"]) <= 1.0
+            # A unit shows its place at all times, so at that of the car.
+            assert b != "roadside1" or at[0] == at[1]
     assert list(csv.DictReader((between / "radio.csv").open()))
 
 
@@ -148,6 +155,8 @@ def test_what_cannot_be_written_is_refused(fleet: Path, capsys: pytest.CaptureFi
         (line,) = capsys.readouterr().err.strip().splitlines()
         assert words in line
     assert not (fleet / "third").exists()
+    assert main(["benchmark", str(fleet / "two.mcap"), "--methods", "no.py", "--out", str(fleet / "no")]) == 1
+    assert "two.mcap has 2 cars, the first is scored" in capsys.readouterr().err
 
 
 def clouds_of(bag: Path, topic: str) -> list[tuple[int, np.ndarray]]:
@@ -205,25 +214,24 @@ def test_a_unit_by_the_road_stands_still_and_sees_both_cars(fleet: Path) -> None
     assert {(row["car_a"], row["car_b"]) for row in rows} >= {("car1", "car2"), ("car1", "roadside1")}
 
 
-def test_one_bag_holds_the_messages_of_all_bags(fleet: Path) -> None:
+@pytest.mark.parametrize("kind", BAGS)
+def test_one_bag_holds_the_messages_of_all_bags(fleet: Path, kind: str) -> None:
     """Every message of each bag, byte for byte, below its car's name, in the order of time."""
-    name = "ClearNoon_empty"
-    with AnyReader([fleet / "data" / "all_cars" / "Town01" / name / f"{name}_ros2"]) as reader:
-        joined: dict[str, list[tuple[int, bytes]]] = {}
-        stamps = []
-        for connection, at_ns, raw in reader.messages():
-            joined.setdefault(connection.topic, []).append((at_ns, raw))
-            stamps.append(at_ns)
-        latched = [c.ext.offered_qos_profiles for c in reader.connections if c.topic == "/car2/tf_static"]
-    assert stamps == sorted(stamps)
-    for carrier in ("car1", "car2", "roadside1"):
-        with AnyReader([fleet / "data" / carrier / "Town01" / name / f"{name}_ros2"]) as reader:
-            own: dict[str, list[tuple[int, bytes]]] = {}
+
+    def messages_of(carrier: str) -> tuple[dict[str, list[tuple[int, bytes]]], dict[str, Any]]:
+        path = SequenceFolder(fleet / "data" / carrier / "Town01" / "ClearNoon_empty").place(kind)
+        found: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+        with AnyReader([path]) as reader:
             for connection, at_ns, raw in reader.messages():
-                own.setdefault(connection.topic, []).append((at_ns, raw))
-            if carrier == "car2":
-                alone = [c.ext.offered_qos_profiles for c in reader.connections if c.topic == "/tf_static"]
-                assert latched == alone
+                found[connection.topic].append((at_ns, raw))
+            stamps = [at_ns for _, at_ns, _ in reader.messages()]
+            assert stamps == sorted(stamps)
+            return found, {connection.topic: connection.ext for connection in reader.connections}
+
+    joined, latched = messages_of("all_cars")
+    for carrier in ("car1", "car2", "roadside1"):
+        own, alone = messages_of(carrier)
+        assert latched[f"/{carrier}/tf_static"] == alone["/tf_static"]
         assert len(own["/lidar/points"]) > 100
         for topic, messages in own.items():
             assert joined.pop(f"/{carrier}{topic}") == messages

@@ -39,6 +39,10 @@ def test_live_equals_whole_and_forgetting() -> None:
         found = track.at(stamps)
         for name in expected.__slots__:
             assert np.array_equal(getattr(found, name), getattr(expected, name)), name
+        one = [track.one_at(stamp) for stamp in stamps.tolist()]
+        mean_rad = expected.wheel_angle_rad.sum(axis=1) * 0.25
+        alike = (mean_rad, expected.road_wheel_rad, expected.brake, expected.reverse)
+        assert np.array_equal(one, np.column_stack(alike))
 
 
 def test_angle_is_the_integral_of_the_spin() -> None:

@@ -33,6 +33,7 @@ from recorder.cli.arguments import (
     positive_int,
     positive_seconds,
 )
+from recorder.cli.output import announced
 from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -155,9 +156,19 @@ def _data(arguments: argparse.Namespace, out: Path) -> Path | DriveConfig:
             given = drives = list(standard_drives(out / "episodes", progress.update))
     if len(drives) != len(given):
         raise UsageError("give one folder with sequences, or drives (.mcap) alone")
+    _note_cars(drives)
     if arguments.rerun:
         raise UsageError("--rerun shows sensor data, which drives leave nowhere; replay them into a dataset")
     return drive_config(arguments, given, noise_seeds=arguments.noise_seeds, lidar=arguments.lidar)
+
+
+def _note_cars(drives: list[Path]) -> None:
+    """Report which car is scored where a drive has several."""
+    from recorder.episode.episode import open_episode
+
+    for path in drives:
+        if (cars := len(open_episode(path).egos)) > 1:
+            announced(f"note: {path} has {cars} cars, the first is scored; for all, replay it with --car all")
 
 
 def check_tools() -> None:
