@@ -123,7 +123,7 @@ def weather(other: str, *methods: str) -> tuple[Chosen, Chosen, bool]:
 
 
 THREE = {"Town03", "Town04", "Town05"}
-IN_PLANE = {"4", "5", "15s", "15r", "15n"}
+IN_PLANE = {"4", "5", "5d", "15s", "15h", "15r", "15n", "15f"}
 """Effects whose published drifts are in the plane."""
 EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
     "1": (
@@ -137,7 +137,10 @@ EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
     "7b": ("hdl64e", "drift_percent", THREE, between("kiss_icp", "kiss_half")),
     "10": ("hdl64e", "drift_percent", THREE, between("kiss_icp", "kiss_fixed")),
     "5": ("aeries2", "drift_percent", {"Town04"}, between("kiss_40m", "kiss_40m_doppler")),
+    "5d": ("aeries2", "drift_percent", {"Town04"}, between("icp_40m", "icp_40m_doppler")),
     "15s": ("snow", "drift_percent", {"Town03", "Town07"}, weather("SnowyNoon")),
+    "15h": ("snow", "drift_percent", {"Town03", "Town07"}, weather("SnowyNoon_snowfall-5")),
+    "15f": ("rain", "drift_percent", {"Town10"}, weather("ClearNight_fog_density-0")),
     "15r": ("rain", "drift_percent", {"Town10"}, weather("ClearNoon_rain_mmph-25")),
     "18": ("cameras", "ape_m", {"Town05"}, weather("ClearNight", "stereo_vo", "orbslam3_stereo")),
     "20": ("cameras", "ape_m", {"Town05"}, between("orbslam3_stereo", "orbslam3_stereo_inertial")),

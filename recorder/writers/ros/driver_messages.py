@@ -1,6 +1,7 @@
 """ROS messages of clouds as LiDARs' drivers publish them: fields, datatypes, offsets, order, times.
 
-Drivers that report rays without a return have them here, too: Ouster's and RoboSense's as NaN, Livox's at 0.
+Drivers that report rays without a return have them here, too: Ouster's and RoboSense's as NaN, Livox's and
+those of Ouster's first driver at 0.
 """
 
 from dataclasses import dataclass
@@ -113,23 +114,29 @@ def _of_ouster_points(sample: PointCloud) -> dict[str, Any]:
 
 
 def points_ouster_2021(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
-    """Points of an Ouster in the order of time, with 8 bits for the ring."""
-    values = _of_ouster_points(sample) | {"t": sample.offset_ns, "ring": sample.ring}
-    return maker.table(header, _packed(_OUSTER_2021, values))
+    """The same as `points_ouster`, with 8 bits for the ring, and zeros without a return."""
+    return maker.table(header, _turns_of_ouster(maker.lidar(sample), sample, _OUSTER_2021, 0.0))
 
 
 def points_ouster(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
     """Rows of an Ouster from the top, each a turn, shifted so that equal azimuths are one column."""
-    lidar = maker.lidar(sample)
+    rows = _turns_of_ouster(maker.lidar(sample), sample, _OUSTER, np.nan)
+    return maker.table(header, rows, is_dense=False)
+
+
+def _turns_of_ouster(
+    lidar: LidarConfig, sample: PointCloud, dtype: np.dtype[np.void], empty: float
+) -> NDArray[np.void]:
     firings = _firings(lidar, sample)
-    rows = firings.rows(_OUSTER, _of_ouster_points(sample), np.nan)
+    rows = firings.rows(dtype, _of_ouster_points(sample), empty)
     rows["t"], rows["ring"] = firings.offset_ns, firings.ring
     by_row = np.argsort(firings.ring)
     # Beams to the left see an azimuth later: the metadata's pixel_shift_by_row, with the other sign.
     left_deg = np.array(lidar.azimuth_offsets_deg or [0.0] * lidar.rings)
     left = np.rint(left_deg / 360.0 * len(rows)).astype(int)[:: -1 if lidar.rings_from_top else 1]
     source = (np.arange(len(rows)) + left[:, None]) % len(rows)
-    return maker.table(header, rows[source, by_row[:, None]], is_dense=False)
+    turned: NDArray[np.void] = rows[source, by_row[:, None]]
+    return turned
 
 
 def points_hesai(maker: MessageParts, header: Message, sample: PointCloud) -> Message:

@@ -74,7 +74,7 @@ DRIVERS = {
     "ouster": Driver("os1_64", "/ouster/points", "os_lidar", OUSTER.format("u2"),
                      48, 1, False, True, dense=False, empty=np.nan),
     "ouster_2021": Driver("os1_64", "/os_cloud_node/points", "os_sensor", OUSTER.format("u1"),
-                          48, 1, False, True),
+                          48, 1, False, True, empty=0.0),
     "hesai": Driver("pandar_xt32", "/lidar_points", "hesai_lidar", XYZI + ", ring u2 16, timestamp f8 18",
                     26, 1e9, True, True, dense=False, time="timestamp"),
     "robosense": Driver("helios_32", "/rslidar_points", "rslidar", XYZI + ", ring u2 16, timestamp f8 18",

@@ -27,7 +27,7 @@ def cloud(scan: Any) -> Any:
     distance = np.linalg.norm(scan.points_xyz_m, axis=1)
     used = (distance > 2.0) & (distance < RANGE_MAX_M)
     found = open3d.t.geometry.PointCloud(scan.points_xyz_m[used].astype(np.float64))
-    found.point.dopplers = scan.doppler_mps[used, None].astype(np.float64)
+    found.point.dopplers = -scan.doppler_mps[used, None].astype(np.float64)  # Open3D: approaching positive
     found.point.directions = (scan.points_xyz_m[used] / distance[used, None]).astype(np.float64)
     found = found.voxel_down_sample(VOXEL_M)
     found.estimate_normals(max_nn=30, radius=NORMAL_RADIUS_M)
