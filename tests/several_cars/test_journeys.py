@@ -20,7 +20,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from recorder.cli.main import main
-from recorder.dataset.layout import FORMATS, SequenceFolder
+from recorder.dataset.layout import SequenceFolder
 from recorder.episode.episode import Episode
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.options import own_seed
@@ -28,7 +28,7 @@ from recorder.replaying.options import own_seed
 KINDS = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
 HALF_M, MIDDLE_M = 0.5 * np.array(EGO_SIZE_M), EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
 
-BAGS = [name for name, form in FORMATS.items() if form.is_bag]
+BAGS = ("rosbag1", "rosbag1_lz4", "rosbag2", "rosbag2_sqlite3")  # bzip2 takes too long to read
 UNIT = (140.0, -56.0, 3.5, -20.0)
 RIG = {
     "name": "lean",
@@ -222,10 +222,11 @@ def test_one_bag_holds_the_messages_of_all_bags(fleet: Path, kind: str) -> None:
         path = SequenceFolder(fleet / "data" / carrier / "Town01" / "ClearNoon_empty").place(kind)
         found: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
         with AnyReader([path]) as reader:
+            last_ns = 0
             for connection, at_ns, raw in reader.messages():
                 found[connection.topic].append((at_ns, raw))
-            stamps = [at_ns for _, at_ns, _ in reader.messages()]
-            assert stamps == sorted(stamps)
+                assert last_ns <= at_ns
+                last_ns = at_ns
             return found, {connection.topic: connection.ext for connection in reader.connections}
 
     joined, latched = messages_of("all_cars")
