@@ -7,10 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from shared_fixtures.processes.checkout import ROOT, script
 
 from carlaloc_env.core.errors import EvaluationError
+from recorder import Trajectory
 from recorder.benchmark.cells import cells, ratios
 from recorder.benchmark.score import Score
 from recorder.benchmark.tables import csv_text, failure_table, frame_of
@@ -173,6 +175,18 @@ def test_failures_are_counted_by_condition_each_reason_once() -> None:
     assert table.to_numpy().tolist() == [
         ["KISS-ICP", "Town01", "ClearNoon static", "3 of 4", "lost; too slow"]
     ]
+
+
+def test_a_drift_upwards_is_none_in_the_plane() -> None:
+    """An estimate that rises by 2 % of the way, and one that is 1 % too long."""
+    drifts = script("docs/findings/effects/effects.py").drifts_percent
+    way = np.arange(500.0)[:, None]
+    truth, rising, long = (
+        Trajectory(stamp_ns=np.arange(500), position_m=way * step, quat_xyzw=np.eye(4)[[3] * 500], name="a")
+        for step in ([1, 0, 0], [1, 0, 0.02], [1.01, 0, 0])
+    )
+    assert drifts(truth, rising) == pytest.approx((2.0, 0.0))
+    assert drifts(truth, long) == pytest.approx((1.0, 1.0))
 
 
 def test_the_pages_hold_what_the_kept_results_give() -> None:
