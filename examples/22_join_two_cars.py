@@ -25,11 +25,10 @@ def main(fleet: Path = Path("fleet"), scores: Path = Path("scores")) -> tuple[To
     car = read_tum(next(fleet.glob("car1/*/ground_truth/base_link.tum")))
     epoch_ns = yaml.safe_load(next(fleet.glob("car1/*/*/sequence.yaml")).read_text())["epoch_ns"]
     base_lidar, ways = _poses(car)[0].between(_poses(truths[0])[0]), [_poses(one) for one in found]
-    graph, start, between = gtsam.NonlinearFactorGraph(), gtsam.Values(), gtsam.BetweenFactorPose3
+    graph, start, between, joined = gtsam.NonlinearFactorGraph(), gtsam.Values(), gtsam.BetweenFactorPose3, []
     graph.add(gtsam.PriorFactorPose3(0, ways[0][0], SIGMAS(PRIOR)))
-    for row in csv.DictReader((fleet / "between_cars" / "closures.csv").open()):
-        if (row["car_a"], row["car_b"]) != ("car1", "car2"):
-            continue  # a unit by the road, or a third car
+    closures = csv.DictReader((fleet / "between_cars" / "closures.csv").open())
+    for row in (row for row in closures if row["car_b"] == "car2"):  # others are of units
         stamps = [int(row[f"stamp_{car}_ns"]) + epoch_ns for car in "ab"]
         a, b = (int(np.abs(one.stamp_ns - at).argmin()) for one, at in zip(found, stamps, strict=True))
         a_b = base_lidar.inverse() * _pose(np.array([float(row[name]) for name in POSE])) * base_lidar
@@ -41,7 +40,6 @@ def main(fleet: Path = Path("fleet"), scores: Path = Path("scores")) -> tuple[To
             if k > 0:
                 graph.add(between(first + k - 1, first + k, way[k - 1].between(T), SIGMAS(STEP)))
     best = gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()
-    joined = []
     for first, one in zip((0, SECOND), found, strict=True):
         T = np.array([best.atPose3(first + k).matrix() for k in range(len(one))])
         quat = Rotation.from_matrix(T[:, :3, :3]).as_quat()
