@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
@@ -12,7 +13,6 @@ from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.driven_car import ego_view
-from carlaloc_env.scenery.street.parked_cars import rectangle
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
 from carlaloc_env.traffic.standing_traffic import TrafficTables
@@ -98,14 +98,42 @@ class _ContactCounter:
     """Counts the steps at which an actor's box overlaps the ego's."""
 
     def __init__(self, catalog: ActorCatalog) -> None:
-        self._size_m = catalog.size_m[:, :2].astype(np.float64)
+        self._half = 0.5 * catalog.size_m[:, :2].astype(np.float64)
         self.steps = 0
 
     def count(self, ego: EgoView, frame: ActorFrame) -> None:
-        away_m = frame.position_m.astype(np.float64) - np.array(ego.position_m)
-        near = (np.hypot(away_m[:, 0], away_m[:, 1]) < 20.0) & (np.abs(away_m[:, 2]) < 2.5)
-        mine = rectangle(np.zeros(2), ego.heading_rad, *EGO_SIZE_M[:2])
-        self.steps += any(
-            mine.intersects(rectangle(away_m[k, :2], float(frame.heading_rad[k]), *self._size_m[k]))
-            for k in np.flatnonzero(near)
+        half = 0.5 * np.array(EGO_SIZE_M[:2])
+        position = frame.position_m.astype(np.float64)
+        delta = position - np.array(ego.position_m)
+        near = (np.hypot(delta[:, 0], delta[:, 1]) < 20.0) & (np.abs(delta[:, 2]) < 2.5)
+        index = np.flatnonzero(near)
+        hits = _overlap(
+            delta[index, :2],
+            frame.heading_rad[index].astype(np.float64),
+            self._half[index],
+            ego.heading_rad,
+            half,
         )
+        self.steps += bool(hits.any())
+
+
+def _overlap(
+    delta_m: NDArray[np.float64],
+    heading_rad: NDArray[np.float64],
+    half_m: NDArray[np.float64],
+    ego_heading_rad: float,
+    ego_half_m: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Whether rectangles overlap the ego's: no axis of either separates them, (N,)."""
+    result = np.ones(len(delta_m), bool)
+    turn = heading_rad - ego_heading_rad
+    c, s = np.abs(elementary.cos(turn)), np.abs(elementary.sin(turn))
+    for heading, own, other in (
+        (np.full(len(delta_m), ego_heading_rad), np.broadcast_to(ego_half_m, half_m.shape), half_m),
+        (heading_rad, half_m, np.broadcast_to(ego_half_m, half_m.shape)),
+    ):
+        along = delta_m[:, 0] * elementary.cos(heading) + delta_m[:, 1] * elementary.sin(heading)
+        across = delta_m[:, 1] * elementary.cos(heading) - delta_m[:, 0] * elementary.sin(heading)
+        result &= np.abs(along) < own[:, 0] + c * other[:, 0] + s * other[:, 1]
+        result &= np.abs(across) < own[:, 1] + s * other[:, 0] + c * other[:, 1]
+    return result
