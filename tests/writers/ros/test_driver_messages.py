@@ -250,15 +250,19 @@ def test_our_reader_finds_the_times(layout: str, ros: int, tmp_path: Path) -> No
             np.testing.assert_array_equal(np.sort(one.doppler_mps), np.sort(cloud.doppler_mps))
 
 
-def test_rows_and_columns() -> None:
-    """An Ouster's columns show one azimuth, though beams look 4.2° aside; a RoboSense's rows are columns."""
-    config = lidar("ouster")
-    cloud, _ = sweep(config, 0)
+def rows_made(config: LidarConfig, stamp_ns: int) -> Any:
+    """Rows of a sweep's message."""
     encoder = Ros1Encoder(RigCalibration.from_configs([config]), epoch_ns=EPOCH_NS)
-    rows = rows_of(encoder.maker.make("points_ouster", cloud, "/x"))
+    return rows_of(encoder.maker.make(f"points_{config.layout}", sweep(config, stamp_ns)[0], "/x"))
+
+
+@pytest.mark.parametrize("layout", ["ouster", "ouster_2021"])
+def test_columns_of_an_ouster_show_one_azimuth(layout: str) -> None:
+    """They do, though beams look 4.2° aside; rows are rings from the top."""
+    rows = rows_made(lidar(layout), 0)
     assert rows.shape == (64, 128)
     assert (rows["ring"] == np.arange(64)[:, None]).all()
-    azimuth = np.arctan2(rows["y"], rows["x"])
+    azimuth = np.where(rows["range"] > 0, np.arctan2(rows["y"], rows["x"]), np.nan)
     middle = np.pi - 2 * np.pi * (np.arange(128) + 0.5) / 128
     away = np.angle(np.exp(1j * (azimuth - middle)))
     # Shifts are whole columns: half of one is left at most.
@@ -266,10 +270,10 @@ def test_rows_and_columns() -> None:
     range_mm = 1e3 * np.linalg.norm([rows[axis] for axis in "xyz"], axis=0)
     assert np.nanmax(np.abs(rows["range"] - range_mm)) <= 0.501
 
+
+def test_rows_of_a_robosense_are_columns() -> None:
     config = lidar("robosense")
-    cloud, _ = sweep(config, config.sweep_ns)
-    encoder = Ros1Encoder(RigCalibration.from_configs([config]), epoch_ns=EPOCH_NS)
-    rows = rows_of(encoder.maker.make("points_robosense", cloud, "/x"))
+    rows = rows_made(config, config.sweep_ns)
     assert rows.shape[1] == 32
     steps_ns = 1e9 * np.diff(rows["timestamp"].astype(np.longdouble), axis=1)
     assert np.abs(steps_ns - 1730).max() < 500
