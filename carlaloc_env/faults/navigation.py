@@ -70,7 +70,7 @@ class ImuFaults(TimingFaults):
     gyro_bias_radps: float = fault("rad/s", "added to each axis from `begin_s` on", worst=0.1)
     warm_up_k: float = fault(
         "K", "warming by 1 − exp(−t / 300 s) of this; a kelvin moves biases by ±0.015 °/s and ±1 mg",
-        worst=40.0, low=0.0, source="Bosch's data sheet of the BMI055",
+        worst=40.0, low=0.0, source="BMI055, by a comparison of IMUs",
     )  # fmt: skip
 
     def apply(self, sample: Sample, draws: Draws) -> Sample:

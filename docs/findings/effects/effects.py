@@ -126,12 +126,7 @@ THREE = {"Town03", "Town04", "Town05"}
 IN_PLANE = {"4", "5", "5d", "15s", "15h", "15r", "15n", "15f"}
 """Effects whose published drifts are in the plane."""
 EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
-    "1": (
-        "hdl64e",
-        "drift_percent",
-        {"Town03", "Town04", "Town05"},
-        between("kiss_icp", "kiss_not_deskewed"),
-    ),
+    "1": ("hdl64e", "drift_percent", THREE, between("kiss_icp", "kiss_not_deskewed")),
     "4": ("hdl64e", "drift_percent", {"Town04"}, between("kiss_icp", "kiss_40m")),
     "7": ("hdl64e", "drift_percent", THREE, between("kiss_icp", "kiss_quarter")),
     "7b": ("hdl64e", "drift_percent", THREE, between("kiss_icp", "kiss_half")),
