@@ -11,6 +11,7 @@ from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from carlaloc_env.core.files.atomic_files import write_whole
 from recorder.benchmark.plan import Job
 from recorder.benchmark.run import BenchmarkResult
+from recorder.benchmark.tables import Tables
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.together import TogetherResult, evaluate_together, set_out_at
 from recorder.evaluation.trajectory_files import read_tum
@@ -58,11 +59,34 @@ def write_cars(result: BenchmarkResult) -> tuple[list[Path], list[dict[str, Any]
     return [path], rows
 
 
+def cars_tables(cars: pd.DataFrame) -> Tables:
+    """The table of `write_cars` with its title; none where no drive has several cars."""
+    if cars.empty:
+        return []
+    m, deg, failed = "{:.3f}".format, "{:.2f}".format, cars["failed"] != ""
+    numbers = {
+        "joint [m]": cars["joint_m"].map(m),
+        "each in it [m]": cars["joint_of_m"],
+        "each alone [m]": cars["alone_m"],
+        "between [m]": cars["between_m"].map(m),
+        "between [deg]": cars["between_deg"].map(deg),
+    }
+    table = {
+        "system": cars["title"],
+        "drive": cars["dataset"].str.cat(cars[["town", "weather", "traffic"]], sep=" ").str.strip(),
+        "cars": cars["cars"].map(str),
+        **{name: column.mask(failed, "fail") for name, column in numbers.items()},
+        **({"failed": cars["failed"]} if failed.any() else {}),
+    }
+    return [("Cars of one drive together: APE after one fit for all", pd.DataFrame(table))]
+
+
 def _row(out: Path, jobs: list[Job]) -> dict[str, Any]:
     try:
         found = _together(out, jobs)
     except CarlaLocError as error:
-        return {"cars": len(jobs), "failed": str(error)}
+        lost = dict.fromkeys(("joint_m", "between_m", "between_deg"), float("nan"))
+        return {"cars": len(jobs), **lost, "joint_of_m": "", "alone_m": "", "failed": str(error)}
     between = [(found.between_m[pair].rmse, found.between_deg[pair].rmse) for pair in found.between_m]
     return {
         "cars": len(jobs),

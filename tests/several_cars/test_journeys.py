@@ -128,6 +128,7 @@ def test_systems_are_scored_together(fleet: Path, scored: dict[str, Any]) -> Non
     assert row["joint_m"] > np.sqrt(np.mean(np.square(alone_m))) - 0.01
     assert row["between_m"] > 0.0
     assert (fleet / "scores" / "cars.csv").is_file()
+    assert f"<td>{row['joint_of_m']}</td>" in (fleet / "scores" / "report.html").read_text("utf-8")
 
 
 def test_the_example_joins_both_cars_without_their_starts(fleet: Path, scored: dict[str, Any]) -> None:

@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     check_tools()
     import pandas as pd
 
-    from recorder.benchmark.cars import write_cars
+    from recorder.benchmark.cars import cars_tables, write_cars
     from recorder.benchmark.headline import headline
     from recorder.benchmark.page import write_benchmark_report
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
@@ -94,9 +94,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     with Progress("runs", unit="runs") as progress:
         result = run_benchmark(config, progress.pieces)
     windows = None if arguments.windows is None else hurt_windows(result, arguments.windows)
-    files = write_benchmark_report(result, [] if windows is None else window_tables(windows))
-    written, cars = write_cars(result)
-    files += written
+    files, cars = write_cars(result)
+    more = [] if windows is None else window_tables(windows)
+    files = [*write_benchmark_report(result, [*more, *cars_tables(pd.DataFrame(cars))]), *files]
     if arguments.rerun:
         from recorder.benchmark.recordings import write_recordings
 
@@ -188,6 +188,7 @@ def show(result: dict[str, Any]) -> None:
     """Print the result in a sentence, the tables of errors and cost, and a line for each failed run."""
     import pandas as pd
 
+    from recorder.benchmark.cars import cars_tables
     from recorder.benchmark.tables import all_tables
     from recorder.benchmark.windows import window_tables
 
@@ -195,7 +196,8 @@ def show(result: dict[str, Any]) -> None:
     print(result["headline"] + "\n")
     if result["windows"] == []:
         print("no window in which an error clearly grows; it needs two conditions, and longer drives\n")
-    for title, table in [*window_tables(pd.DataFrame(result["windows"])), *all_tables(runs)]:
+    windows, cars = (pd.DataFrame(result[name]) for name in ("windows", "cars"))
+    for title, table in [*window_tables(windows), *cars_tables(cars), *all_tables(runs)]:
         print(title)
         rows = [list(table), *table.to_numpy().tolist()]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -203,13 +205,6 @@ def show(result: dict[str, Any]) -> None:
             words = (word.ljust(width) for word, width in zip(row, widths, strict=True))
             print(("  " + "  ".join(words)).rstrip())
         print()
-    for row in result["cars"]:
-        where = f"{row['title']} {row['town']} {row['weather']} {row['traffic']}, {row['cars']} cars"
-        figures = row["failed"] or (
-            f"joint {row['joint_m']:.3f} m, each in it {row['joint_of_m']} m, each alone {row['alone_m']} m, "
-            f"between them {row['between_m']:.3f} m, {row['between_deg']:.2f} deg"
-        )
-        print(f"{where}: {figures}")
     print(f"{result['runs']} runs, {result['reused']} of them done before")
     if lidars := sorted({score["lidar"] for score in result["scores"]} - {""}):
         print(f"LiDAR that systems read: {', '.join(lidars)}")
