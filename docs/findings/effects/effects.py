@@ -3,9 +3,10 @@
 python docs/findings/effects/effects.py PASS=FOLDER[,FOLDER] …   from folders that `carlaloc benchmark` wrote
 python docs/findings/effects/effects.py                          prints the table of the runs kept here
 
-A pass is a rig over some drives: `hdl64e`, `aeries2`, `snow`, `rain`, `cameras`. `runs.csv` keeps each run's
-drift in space and in the plane: KITTI's mean over segments of 100 to 400 m, which all routes here hold. An
-effect is the median over towns and systems of a ratio within the same town. A failed run is infinitely wrong.
+A pass is a rig over some drives: `hdl64e`, `aeries2`, `snow`, `snow64`, `rain`, `cameras`. `runs.csv` keeps
+each run's drift in space and in the plane: KITTI's mean over segments of 100 to 400 m, which all routes here
+hold. An effect is the median over towns and systems of a ratio within the same town. A failed run is
+infinitely wrong.
 """
 
 import csv
@@ -22,6 +23,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from recorder import Trajectory, read_tum
+from recorder.dataset.sequence import SlamSequence
 
 HERE = Path(__file__).resolve().parent
 SEGMENTS_M, FIRST_EVERY = (100.0, 200.0, 300.0, 400.0), 10
@@ -51,10 +53,11 @@ def runs_of(name: str, folder: Path) -> Iterator[Run]:
     """The runs of a pass."""
     for path in sorted((folder / "runs").rglob("result.json")):
         score = json.loads(path.read_text("utf-8"))["score"]
-        where = folder / "drives" / score["dataset"] / score["town"] / "ground_truth"
+        drive = folder / "drives" / score["dataset"] / score["town"]
         space = plane = ape_m = math.inf
         if score["failed"] is None:
-            truth, ape_m = read_tum(where / f"{score['frame']}.tum"), score["ape_m"]
+            sequence = SlamSequence(drive / f"{score['weather']}_{score['traffic']}")
+            truth, ape_m = read_tum(sequence.truth_file(score["frame"])), score["ape_m"]
             space, plane = drifts_percent(truth, read_tum(path.with_name("estimate.tum")))
         yield Run(
             of=name,
@@ -123,7 +126,8 @@ def weather(other: str, *methods: str) -> tuple[Chosen, Chosen, bool]:
 
 
 THREE = {"Town03", "Town04", "Town05"}
-IN_PLANE = {"4", "5", "5d", "15s", "15h", "15r", "15n", "15f"}
+SNOW, ICP = {"Town03", "Town07"}, ("kiss_icp", "genz_icp", "small_gicp")
+IN_PLANE = {"4", "5", "5d", "15s", "15h", "15t", "15u", "15r", "15n", "15f"}
 """Effects whose published drifts are in the plane."""
 EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
     "1": ("hdl64e", "drift_percent", THREE, between("kiss_icp", "kiss_not_deskewed")),
@@ -133,8 +137,10 @@ EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
     "10": ("hdl64e", "drift_percent", THREE, between("kiss_icp", "kiss_fixed")),
     "5": ("aeries2", "drift_percent", {"Town04"}, between("kiss_40m", "kiss_40m_doppler")),
     "5d": ("aeries2", "drift_percent", {"Town04"}, between("icp_40m", "icp_40m_doppler")),
-    "15s": ("snow", "drift_percent", {"Town03", "Town07"}, weather("SnowyNoon")),
-    "15h": ("snow", "drift_percent", {"Town03", "Town07"}, weather("SnowyNoon_snowfall-5")),
+    "15s": ("snow", "drift_percent", SNOW, weather("SnowyNoon", *ICP)),
+    "15h": ("snow", "drift_percent", SNOW, weather("SnowyNoon_snowfall-5", *ICP)),
+    "15t": ("snow64", "drift_percent", SNOW, weather("SnowyNoon")),
+    "15u": ("snow64", "drift_percent", SNOW, weather("SnowyNoon_snowfall-5")),
     "15f": ("rain", "drift_percent", {"Town10"}, weather("ClearNight_fog_density-0")),
     "15r": ("rain", "drift_percent", {"Town10"}, weather("ClearNoon_rain_mmph-25")),
     "18": ("cameras", "ape_m", {"Town05"}, weather("ClearNight", "stereo_vo", "orbslam3_stereo")),
