@@ -1,4 +1,8 @@
-"""Where wheels clear snow: a map of the distance to the nearest lane's middle, from straight above."""
+"""Where wheels clear snow: a map of the distance to the nearest lane's middle, from straight above.
+
+Where lanes cross, wheels of one clear what those of the other leave. So between its tracks the distance is
+that of a lone lane whose track is as near as the nearest track of any lane.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,8 @@ MARGIN_M = 100.0
 """Width of the map beyond the lanes [m]."""
 REACH_M = 4.0
 """Distance from a lane's middle beyond which the map tells none apart [m]."""
+STEP_MAX_M = 1.0
+"""Longest distance between two samples of a lane [m]; the next lane begins farther away."""
 CLEARANCE_M = 3.0
 """A lane that lies so far below another is under a bridge [m]: no snow falls there."""
 TRACK_M, TRACK_HALF_M = 0.8, 0.28
@@ -44,7 +50,8 @@ class WheelTracks(NamedTuple):
         columns, rows = np.ceil(extent_m / cell_m).astype(int)
         lanes = np.empty((rows, columns, 2), np.float32)
         lanes[...] = REACH_M, _NOWHERE_M
-        top_m = middles_m[_uppermost(middles_m)]
+        above = _uppermost(middles_m)
+        top_m, left = middles_m[above], _leftwards(middles_m)[above]
         steps = np.arange(-REACH_M, REACH_M + cell_m, cell_m)
         near = np.zeros((rows, columns), bool)
         at = ((top_m[:, :2] - low_m) / cell_m).astype(int)
@@ -54,6 +61,8 @@ class WheelTracks(NamedTuple):
         row, column = np.nonzero(near)
         cells_m = low_m + (np.stack([column, row], axis=1) + 0.5) * cell_m
         away_m, nearest = point_tree(top_m[:, :2]).query(cells_m)
+        within = away_m < TRACK_M
+        away_m[within] = TRACK_M - _from_tracks_m(top_m[:, :2], left, cells_m[within])
         lanes[row, column, 0] = np.minimum(away_m, REACH_M)
         lanes[row, column, 1] = top_m[nearest, 2]
         return cls(low_m=low_m, cell_m=cell_m, lanes=lanes)
@@ -80,3 +89,24 @@ def _uppermost(middles_m: Array) -> Index:
     highest = np.full(of.max() + 1, -np.inf)
     np.maximum.at(highest, of, middles_m[:, 2])
     return np.flatnonzero(middles_m[:, 2] > highest[of] - CLEARANCE_M)
+
+
+def _leftwards(middles_m: Array) -> Array:
+    """Unit vectors to the left of lanes whose samples follow each other, shape (N, 2)."""
+    step = np.diff(middles_m[:, :2], axis=0, append=middles_m[-1:, :2])
+    length_m = np.linalg.norm(step, axis=1)
+    # The last sample of a lane has the direction of the one before.
+    along = (length_m > 1e-3) & (length_m < STEP_MAX_M)
+    of = np.maximum.accumulate(np.where(along, np.arange(len(step)), 0))
+    forwards = step[of] / np.maximum(length_m[of, None], 1e-3)
+    return np.stack([-forwards[:, 1], forwards[:, 0]], axis=1)
+
+
+def _from_tracks_m(middles_m: Array, left: Array, cells_m: Array) -> Array:
+    """Distance of places (M, 2) from the nearest wheel's track of any lane [m], shape (M,)."""
+    tracks_m = np.concatenate([middles_m + side * TRACK_M * left for side in (-1.0, 1.0)])
+    _, nearest = point_tree(tracks_m).query(cells_m)
+    offset_m, across = cells_m - tracks_m[nearest], np.tile(left, (2, 1))[nearest]
+    lateral_m = np.abs(np.sum(offset_m * across, axis=1))
+    along_m = np.abs(offset_m[:, 0] * across[:, 1] - offset_m[:, 1] * across[:, 0])
+    return np.hypot(lateral_m, np.maximum(along_m - 0.5 * STEP_MAX_M, 0.0))

@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.road.wheel_tracks import CELL_MIN_M, REACH_M, WheelTracks, no_tracks
+from carlaloc_env.road.wheel_tracks import CELL_MIN_M, REACH_M, TRACK_M, WheelTracks, no_tracks
 
 
 def lane(along: Array, height_m: float, *, northwards: bool = False) -> Array:
     across = np.zeros_like(along)
-    return np.stack(
-        [across, along, across + height_m] if northwards else [along, across, across + height_m], 1
-    )
+    return np.stack([*((across, along) if northwards else (along, across)), across + height_m], 1)
 
 
 ALONG = np.arange(-50.0, 50.0, 0.5)
@@ -25,6 +23,13 @@ def test_distance_is_that_of_the_lanes_middle_to_a_cell() -> None:
     expected = np.minimum(np.abs(points[:, 1]), REACH_M)
     np.testing.assert_allclose(away_m, expected, atol=0.71 * CELL_MIN_M + 0.02)
     np.testing.assert_allclose(above_m[expected < REACH_M - 0.5], 0.5, atol=1e-6)
+
+
+def test_wheels_of_one_lane_clear_the_middle_of_another() -> None:
+    tracks = WheelTracks.of(np.concatenate([lane(ALONG, 0.0), lane(ALONG, 0.0, northwards=True)]))
+    points = np.array([[0.0, y, 0.0] for y in (0.0, TRACK_M, 10.0)])
+    # The middle of the crossing, a track of the lane from the west, and the middle of the other alone.
+    np.testing.assert_allclose(tracks.at(points)[0], [0.0, TRACK_M, 0.0], atol=0.71 * CELL_MIN_M + 0.02)
 
 
 def test_lanes_under_bridges_are_left_to_the_bridge() -> None:
