@@ -61,9 +61,10 @@ class WheelTracks(NamedTuple):
         row, column = np.nonzero(near)
         cells_m = low_m + (np.stack([column, row], axis=1) + 0.5) * cell_m
         away_m, nearest = point_tree(top_m[:, :2]).query(cells_m)
-        within = away_m < TRACK_M
-        away_m[within] = TRACK_M - _from_tracks_m(top_m[:, :2], left, cells_m[within])
         lanes[row, column, 0] = np.minimum(away_m, REACH_M)
+        within = lanes[row, column, 0] < TRACK_M
+        own_m = _from_tracks_m(top_m[:, :2], left, cells_m[within])
+        lanes[row[within], column[within], 0] = TRACK_M - own_m
         lanes[row, column, 1] = top_m[nearest, 2]
         return cls(low_m=low_m, cell_m=cell_m, lanes=lanes)
 
@@ -109,4 +110,5 @@ def _from_tracks_m(middles_m: Array, left: Array, cells_m: Array) -> Array:
     offset_m, across = cells_m - tracks_m[nearest], np.tile(left, (2, 1))[nearest]
     lateral_m = np.abs(np.sum(offset_m * across, axis=1))
     along_m = np.abs(offset_m[:, 0] * across[:, 1] - offset_m[:, 1] * across[:, 0])
-    return np.hypot(lateral_m, np.maximum(along_m - 0.5 * STEP_MAX_M, 0.0))
+    distance_m: Array = np.hypot(lateral_m, np.maximum(along_m - 0.5 * STEP_MAX_M, 0.0))
+    return distance_m
