@@ -18,6 +18,7 @@ from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_fi
 from carlaloc_env.core.files.recordings import check_episode_output
 
 if TYPE_CHECKING:
+    from recorder.replaying.options import ReplayOptions
     from recorder.streaming.drive import DriveConfig
 
 T = TypeVar("T")
@@ -132,9 +133,11 @@ def option(
     metavar: str,
     text: str,
     default: Any = None,
+    *,
+    dest: str | None = None,
 ) -> None:
     """Add an option that takes a value, by the order of words in ``--help``: flag, value, text."""
-    parser.add_argument(flag, type=kind, default=default, metavar=metavar, help=text)
+    parser.add_argument(flag, type=kind, default=default, metavar=metavar, help=text, dest=dest)
 
 
 def force_option(parser: argparse.ArgumentParser, what: str) -> None:
@@ -143,9 +146,11 @@ def force_option(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def config_of(kind: type[T], arguments: argparse.Namespace, **given: Any) -> T:
-    """A configuration: its fields are the options of the same names, and those that are given."""
-    options = {field.name for field in fields(cast(Any, kind))} & vars(arguments).keys()
-    return kind(**{**{name: getattr(arguments, name) for name in options}, **given})
+    """A configuration: its fields are the options of the same names, without units, and those given."""
+    all_fields = [field.name for field in fields(cast(Any, kind))]
+    options = {field: field.removesuffix("_s").removesuffix("_m") for field in all_fields}
+    known = {field: getattr(arguments, name) for field, name in options.items() if hasattr(arguments, name)}
+    return kind(**known | given)
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -235,6 +240,7 @@ def add_replay_options(
     add_condition_options(parser, weathers=weathers, traffic=traffic)
     parser.add_argument(
         "--format",
+        dest="formats",
         type=names,
         default=("rosbag1", "euroc"),
         metavar="A,B",
@@ -255,7 +261,7 @@ def add_replay_options(
     parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
     text = "seconds of the drive that a worker makes at a time (default: 10)"
     option(parser, "--unit", seconds, "S", text, 10.0)
-    parser.add_argument("--no-preview", action="store_true", help="make no films")
+    parser.add_argument("--no-preview", action="store_false", dest="preview", help="make no films")
 
 
 def add_condition_options(
@@ -268,11 +274,10 @@ def add_condition_options(
         weathers: Default of ``--weather``.
         traffic: Default of ``--traffic``.
     """
-    for flag, default, text in (
-        ("--weather", weathers, "weathers, or schedules (.yaml)"),
-        ("--traffic", traffic, "dynamic, static, empty, fractions"),
-    ):
-        option(parser, flag, names, "A,B", f"{text} (default: {','.join(default)})", default)
+    text = f"weathers, or schedules (.yaml) (default: {','.join(weathers)})"
+    option(parser, "--weather", names, "A,B", text, weathers, dest="weathers")
+    text = f"dynamic, static, empty, fractions (default: {','.join(traffic)})"
+    option(parser, "--traffic", names, "A,B", text, traffic)
     parser.add_argument(
         "--fault",
         action="append",
@@ -309,7 +314,7 @@ class _ConditionAction(argparse.Action):
         except ConfigError as error:
             raise UsageError(str(error)) from error
         namespace.condition = values
-        namespace.weather, namespace.traffic = (file.weather,), (file.traffic,)
+        namespace.weathers, namespace.traffic = (file.weather,), (file.traffic,)
         namespace.lidar_weather = file.lidar_weather
         namespace.fault = file.fault_words
         for name, value in (("start", file.start_s), ("duration", file.duration_s), ("seed", file.seed)):
@@ -324,18 +329,12 @@ def add_stretch_options(parser: argparse._ActionsContainer) -> None:
     parser.add_argument("--seed", type=int, help="seed of sensor noise; else the episode's")
 
 
-def condition_options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Fields of `ReplayOptions` that `add_condition_options` gives."""
+def replay_options(arguments: argparse.Namespace, **given: Any) -> ReplayOptions:
+    """How to replay, by `add_condition_options`, `add_replay_options` and the fields that are given."""
     from carlaloc_env.faults.faults import Faults
+    from recorder.replaying.options import ReplayOptions
 
-    return {
-        "weathers": arguments.weather,
-        "traffic": arguments.traffic,
-        "rig": arguments.rig,
-        "quality": arguments.quality,
-        "lidar_weather": arguments.lidar_weather,
-        "faults": Faults.parse(arguments.fault),
-    }
+    return config_of(ReplayOptions, arguments, faults=Faults.parse(arguments.fault), **given)
 
 
 def drive_config(arguments: argparse.Namespace, episodes: Iterable[Path], **given: Any) -> DriveConfig:
@@ -346,24 +345,8 @@ def drive_config(arguments: argparse.Namespace, episodes: Iterable[Path], **give
         episodes: The drives.
         given: Further fields of the configuration.
     """
-    from recorder.replaying.options import ReplayOptions
     from recorder.streaming.drive import DriveConfig
 
-    options = ReplayOptions(**condition_options(arguments), seed=arguments.seed)
-    stretch = {"start_s": arguments.start, "duration_s": arguments.duration}
-    return DriveConfig(episodes=tuple(episodes), options=options, map=arguments.map, **stretch, **given)
-
-
-def replay_options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Fields of `ReplayOptions` that the options above give."""
-    return {
-        **condition_options(arguments),
-        "formats": arguments.format,
-        "topics": arguments.topics,
-        "truth_tf": arguments.truth_tf,
-        "clock": arguments.clock,
-        "workers": arguments.workers,
-        "cluster": arguments.cluster,
-        "unit_s": arguments.unit,
-        "preview": not arguments.no_preview,
-    }
+    # Workers and clusters of these commands run systems, not replays.
+    options = replay_options(arguments, workers=None, cluster=None)
+    return config_of(DriveConfig, arguments, episodes=tuple(episodes), options=options, **given)

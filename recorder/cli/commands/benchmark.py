@@ -159,7 +159,7 @@ def _data(arguments: argparse.Namespace, out: Path) -> Path | DriveConfig:
     _note_cars(drives)
     if arguments.rerun:
         raise UsageError("--rerun shows sensor data, which drives leave nowhere; replay them into a dataset")
-    return drive_config(arguments, given, noise_seeds=arguments.noise_seeds, lidar=arguments.lidar)
+    return drive_config(arguments, given)
 
 
 def _note_cars(drives: list[Path]) -> None:

@@ -13,8 +13,8 @@ from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import (
     OutputFolder,
     add_condition_options,
-    condition_options,
     config_of,
+    drive_config,
     input_path,
     number,
     option,
@@ -65,9 +65,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     )
     from recorder.laboratory.search_space import Range, ranges_of
     from recorder.laboratory.sweep import Axis, SweepConfig
-    from recorder.replaying.options import ReplayOptions
     from recorder.slam.systems import system_of
-    from recorder.streaming.drive import DriveConfig
 
     system, drive = system_of(arguments.method), arguments.drive.resolve()
     last_s = Episode.load(drive).duration_s - arguments.stretch
@@ -78,16 +76,13 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     starts = np.linspace(0.0, last_s, arguments.stretches + 2)[1:-1].round(1)
     kinds = tuple("camera" if need == "stereo" else need for need in system.needs)
     out = arguments.out or drive.with_name(f"{drive.stem}-break")
-    options = ReplayOptions(**condition_options(arguments), seed=arguments.seed)
-    drives = DriveConfig(episodes=(drive,), options=options, map=arguments.map)
+    drives = drive_config(arguments, [drive])
     config = config_of(
         BreakConfig,
         arguments,
         sweep=SweepConfig(drives=drives, out=out, axes=(Axis(name="traffic", values=(1.0,)),), seeds=1),
         ranges=tuple(map(Range.parse, arguments.over)) or ranges_of(kinds, weather=True),
         starts_s=tuple(starts.tolist()),
-        stretch_s=arguments.stretch,
-        ape_max_m=arguments.ape_max,
     )
     done = 0
     with Progress("tries", unit="tries") as progress:

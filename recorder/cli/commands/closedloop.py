@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
     config = config_of(
         ClosedLoopConfig, arguments, offsets_m=arguments.offset, seeds=tuple(range(arguments.seeds)),
-        time_limit_s=arguments.limit, silence_s=arguments.silence,
+        time_limit_s=arguments.limit,
     )  # fmt: skip
     table = arguments.out / TABLE
 

@@ -98,7 +98,7 @@ def _of_drive(arguments: argparse.Namespace) -> ConsistencyResult:
     if len(given) != 1 or given[0].suffix != ".mcap":
         raise UsageError("give one drive (.mcap), or TUM files with --truth")
     drive = drive_config(arguments, given, noise_seeds=arguments.seeds)
-    config = config_of(ConsistencyConfig, arguments, drive=drive, over_m=arguments.over)
+    config = config_of(ConsistencyConfig, arguments, drive=drive)
     with Progress("runs", unit="runs") as progress:
         return run_consistency(config, progress.pieces)
 

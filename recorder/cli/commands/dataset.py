@@ -16,6 +16,7 @@ from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import (
     OutputFolder,
     add_replay_options,
+    config_of,
     input_path,
     names,
     option,
@@ -57,16 +58,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         plan_dataset,
         town_names,
     )
-    from recorder.replaying.options import ReplayOptions
 
-    config = DatasetConfig(
-        out=arguments.out,
-        towns=town_names(arguments.towns or tuple(ROUTE_M)),
-        episodes=arguments.episodes,
-        sample_s=arguments.sample,
-        seed=arguments.seed,
-        replay=ReplayOptions(**replay_options(arguments)),
-    )
+    towns, replay = town_names(arguments.towns or tuple(ROUTE_M)), replay_options(arguments, seed=None)
+    config = config_of(DatasetConfig, arguments, towns=towns, replay=replay)
     if arguments.hub is not None:
         from recorder.publishing.prepare import check_packages
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from carlaloc_env.core.errors import ConfigError, UsageError, unknown_name
 from recorder.cli.arguments import (
     OutputFolder,
+    config_of,
     force_option,
     input_path,
     number,
@@ -191,10 +192,7 @@ def _judge_maps(
     from recorder.laboratory.map_truth import MapJudge, MapTruthConfig, transform_of_map
     from recorder.laboratory.surface_cloud import read_map
 
-    config = MapTruthConfig(
-        drive=arguments.drive, map=arguments.town, traffic=arguments.traffic, rig=arguments.rig,
-        reach_m=arguments.reach, distances_m=arguments.distances,
-    )  # fmt: skip
+    config = config_of(MapTruthConfig, arguments, map=arguments.town)
     clouds = [(path, read_map(path)) for path in arguments.map]
     stamps = result.truth.stamp_ns
     with Progress("visibility", unit="looks") as progress:

@@ -60,9 +60,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.laboratory.places import PlacesConfig, compare_places
 
     config = config_of(
-        PlacesConfig, arguments, query_weathers=arguments.query_weather, every_m=arguments.every,
-        query_offset_m=arguments.query_offset, within_m=arguments.within, least_overlap=arguments.overlap,
-        descriptors=tuple(arguments.descriptors), start_s=arguments.start, duration_s=arguments.duration,
+        PlacesConfig, arguments, query_weathers=arguments.query_weather, least_overlap=arguments.overlap,
+        descriptors=tuple(arguments.descriptors),
     )  # fmt: skip
     with Progress("places", unit="frames") as progress:
         result = compare_places(config, progress.update)

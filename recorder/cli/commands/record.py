@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 BYTES_S, START_S, SPEED, FACTOR = 9e4, 20.0, 5.0, 2
 """Size of a second of a drive (70 and 100 kB in Town10 and Town03), time until the first, seconds that the
 scripted driver drives in one (both assumed), and the factor within which these are meant to be right."""
-_TOWN, _WEATHER, _TRAFFIC = "Town03", "ClearNoon", "dynamic"
+_USUAL = {"map": "Town03", "weather": "ClearNoon", "traffic": "dynamic"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,17 +72,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--route", nargs="+", type=route_place, default=["town"], metavar="X,Y",
         help="town (default), random, or points near lanes [m]: --route 10,20 300,-4.5",
     )  # fmt: skip
-    parser.add_argument(
-        "--start", type=route_start, default=0.0, metavar="SHARE",
-        help="share of the route at which the car starts, 0 to below 1, or anywhere",
-    )  # fmt: skip
-    parser.add_argument(
-        "--cars", type=positive_int, default=1, metavar="N", help="cars in one world (default: 1)"
-    )
-    parser.add_argument(
-        "--overlap", type=number, default=0.5, metavar="SHARE",
-        help="share of its route that each of several cars has in common with the next (default: 0.5)",
-    )  # fmt: skip
+    text = "share of the route at which the car starts, 0 to below 1, or anywhere"
+    option(parser, "--start", route_start, "SHARE", text, 0.0)
+    option(parser, "--cars", positive_int, "N", "cars in one world (default: 1)", 1)
+    text = "share of its route that each of several cars has in common with the next (default: 0.5)"
+    option(parser, "--overlap", number, "SHARE", text, 0.5)
     parser.add_argument("--weather", help="weather in the window, or a schedule.yaml (default: ClearNoon)")
     parser.add_argument(
         "--window",
@@ -114,13 +108,16 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         raise UsageError("--out is required, e.g. --out drive.mcap")
     with ExitStack() as stack:
         opening, preferred = None, None
-        if _chooses(arguments):
+        is_open = _chooses(arguments)
+        for name, usual in _USUAL.items():
+            setattr(arguments, name, getattr(arguments, name) or usual)
+        if is_open:
             preferred = _choose(arguments, stack)
         if wants_window(arguments.device, arguments.window):
             from recorder.window.opening import Opening
 
             # Open before the rest is loaded, which takes seconds.
-            opening = stack.enter_context(Opening(arguments.map or _TOWN))
+            opening = stack.enter_context(Opening(arguments.map))
             opening.run("starting", lambda: import_module("recorder.drive.record"))
         return _record(arguments, opening, preferred)
 
@@ -146,15 +143,9 @@ def _choose(arguments: argparse.Namespace, stack: ExitStack) -> str | None:
     from recorder.devices.inputs import Inputs
     from recorder.window.start_screen import DriveChoice, StartScreen
 
-    preset = DriveChoice(
-        device=arguments.device,
-        map=arguments.map or _TOWN,
-        weather=arguments.weather or _WEATHER,
-        traffic=arguments.traffic or _TRAFFIC,
-    )
     inputs = Inputs(window=True)
     stack.callback(inputs.close)
-    screen = StartScreen(window, inputs, preset)
+    screen = StartScreen(window, inputs, config_of(DriveChoice, arguments))
     vars(arguments).update(asdict(screen.run()), window=True)
     preferred = screen.preferred
     inputs.close()
@@ -167,10 +158,8 @@ def _record(arguments: argparse.Namespace, opening: Opening | None, preferred: s
 
     route = arguments.route
     config = config_of(
-        RecordConfig, arguments, map=arguments.map or _TOWN, duration_s=arguments.duration,
-        traffic=arguments.traffic or _TRAFFIC, weather=arguments.weather or _WEATHER,
+        RecordConfig, arguments, overwrite=arguments.force,
         route=route[0] if route[1:] == [] and isinstance(route[0], str) else tuple(route),
-        overwrite=arguments.force,
     )  # fmt: skip
     _announce(config)
     with Progress("recording") as progress:

@@ -22,7 +22,6 @@ from recorder.cli.arguments import (
     option,
     positive_int,
     positive_seconds,
-    replay_options,
     seconds,
 )
 from recorder.cli.output import announced
@@ -65,6 +64,7 @@ def car_number(text: str) -> str | int:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
+    from carlaloc_env.faults.faults import Faults
     from carlaloc_env.rigs.notes import rig_notes
     from recorder.episode.episode import Episode
     from recorder.replaying.cost import size_of
@@ -73,11 +73,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.replaying.start_at_rest import motion_at_start_of
     from recorder.replaying.together import check_one_bag, write_together
 
-    config = config_of(
-        ReplayConfig, arguments, **replay_options(arguments), start_s=arguments.start,
-        duration_s=arguments.duration, camera_start_s=arguments.camera_start,
-        camera_duration_s=arguments.camera_duration, car=1, roadside=None,
-    )  # fmt: skip
+    faults = Faults.parse(arguments.fault)
+    config = config_of(ReplayConfig, arguments, faults=faults, car=1, roadside=None)
     car = "all" if arguments.roadside and arguments.car is None else arguments.car
     carried = [*_of_cars(config, car), *_of_units(config, arguments.roadside)]
     if arguments.one_bag:
