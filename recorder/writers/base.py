@@ -94,6 +94,7 @@ class Writer(ABC):
         self._part = part_path(self.target)
         self._is_open = False
         self._last_ns: int | None = None
+        self._files: dict[str, IO[Any]] = {}
 
     def __enter__(self) -> Writer:
         self.open()
@@ -188,13 +189,14 @@ class Writer(ABC):
     def _place(self, piece: Piece) -> None:
         """Put one piece into the file."""
 
-    @abstractmethod
     def _finish(self) -> None:
-        """Write the end of the file and close all files."""
+        """Write the end of the file and close all files: here those of `_files`."""
+        for file in self._files.values():
+            file.close()
 
-    @abstractmethod
     def _drop(self) -> None:
-        """Close all files without completing them, even on a full disk."""
+        """Close all files without completing them, even on a full disk: here those of `_files`."""
+        close_unfinished(self._files.values())
 
 
 def close_unfinished(files: Iterable[IO[Any]]) -> None:

@@ -116,7 +116,7 @@ class ColmapWriter(FollowingWriter):
         self._twins = twins or {}
         self._cameras = {camera.name: camera for camera in encoder.calibration.cameras}
         self._views: list[_View] = []
-        self._files: set[str] = set()
+        self._written: set[str] = set()
         self._now: dict[str, bytes] = {}
         """Pictures of one instant by place, and the cloud that begins at it."""
         self._now_ns, self._next_ns = -1, 0
@@ -137,7 +137,7 @@ class ColmapWriter(FollowingWriter):
         path = self._file(kind, name, piece.stamp_ns)
         (self._part / path).parent.mkdir(exist_ok=True)
         (self._part / path).write_bytes(piece.data)
-        self._files.add(path)
+        self._written.add(path)
         if kind == _IMAGES:
             camera = self._cameras[name]
             T = self._path.T_world_base(piece.stamp_ns) @ camera.T_base_camera
@@ -275,7 +275,7 @@ class ColmapWriter(FollowingWriter):
         }  # fmt: skip
         for key, kind in (("mask_path", _MASKS), ("depth_file_path", _DEPTHS)):
             path = self._file(kind, name, view.stamp_ns)
-            if path in self._files:
+            if path in self._written:
                 frame[key] = path
         twins = {twin: f"../../{folder}/{self.target.name}/{image}" for twin, folder in self._twins.items()}
         if CLEAN_PLATE in twins:

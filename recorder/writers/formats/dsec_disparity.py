@@ -5,12 +5,11 @@ Both cameras look in the same direction, so that pictures are rectified.
 """
 
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
 from carlaloc_env.samples import DepthImage, Sample
-from recorder.writers.base import Encoder, Piece, Writer, close_unfinished, png_of
+from recorder.writers.base import Encoder, Piece, Writer, png_of
 from recorder.writers.rig_calibration import RigCalibration
 
 
@@ -43,21 +42,12 @@ class DsecDisparityWriter(Writer):
     def __init__(self, target: str | Path, encoder: DsecDisparityEncoder) -> None:
         super().__init__(target, encoder)
         self._count = 0
-        self._stamps: TextIO | None = None
 
     def _begin(self, part: Path) -> None:
         (part / "event").mkdir(parents=True)
-        self._stamps = (part / "timestamps.txt").open("x", encoding="utf-8")
+        self._files["stamps"] = (part / "timestamps.txt").open("x", encoding="utf-8")
 
     def _place(self, piece: Piece) -> None:
-        assert self._stamps is not None
         (self._part / "event" / f"{self._count:06d}.png").write_bytes(piece.data)
-        self._stamps.write(f"{self.encoder.unix_ns(piece.stamp_ns) // 1000}\n")
+        self._files["stamps"].write(f"{self.encoder.unix_ns(piece.stamp_ns) // 1000}\n")
         self._count += 1
-
-    def _finish(self) -> None:
-        if self._stamps is not None:
-            self._stamps.close()
-
-    def _drop(self) -> None:
-        close_unfinished([self._stamps] if self._stamps is not None else [])

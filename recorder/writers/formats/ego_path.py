@@ -111,9 +111,6 @@ class FollowingWriter(Writer):
                 self._put(piece)
         self._waiting.clear()
 
-    def _drop(self) -> None:
-        self._waiting.clear()
-
     @abstractmethod
     def _put(self, piece: Piece) -> None:
         """Put one piece into the file; the path covers its stamp to its end."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TextIO
 
 import cv2
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
-from recorder.writers.base import Encoder, Piece, Writer, close_unfinished, grey, png_of
+from recorder.writers.base import Encoder, Piece, Writer, grey, png_of
 from recorder.writers.formats.euroc_states import STATE_HEADER, state_line
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.text_templates import filled
@@ -91,10 +90,6 @@ class EurocWriter(Writer):
 
     encoder: EurocEncoder
 
-    def __init__(self, target: str | Path, encoder: EurocEncoder) -> None:
-        super().__init__(target, encoder)
-        self._tables: dict[str, TextIO] = {}
-
     def _begin(self, part: Path) -> None:
         part.mkdir(parents=True)
         (part / "body.yaml").write_text("# The car; its body frame is that of imu0.\ncomment: CarlaLoc\n")
@@ -103,30 +98,23 @@ class EurocWriter(Writer):
             T_body_camera = self.encoder.calibration.T(self.encoder.imu.name, camera.frame)
             description = filled("euroc/camera.yaml", camera=camera, T_body_camera=T_body_camera)
             self._table(part, f"cam{k}", "#timestamp [ns],filename", description)
-        self._tables[TIMES_FILE] = (part / TIMES_FILE).open("x", encoding="utf-8")
+        self._files[TIMES_FILE] = (part / TIMES_FILE).open("x", encoding="utf-8")
         self._table(part, "imu0", _IMU_HEADER, filled("euroc/imu.yaml", imu=self.encoder.imu))
         self._table(part, "state_groundtruth_estimate0", STATE_HEADER, filled("euroc/state.yaml"))
 
     def _table(self, part: Path, name: str, header: str, sensor_yaml: str) -> None:
         (part / name).mkdir(exist_ok=True)
         (part / name / "sensor.yaml").write_text(sensor_yaml, encoding="utf-8")
-        self._tables[name] = (part / name / "data.csv").open("x", encoding="utf-8")
-        self._tables[name].write(header + "\n")
+        self._files[name] = (part / name / "data.csv").open("x", encoding="utf-8")
+        self._files[name].write(header + "\n")
 
     def _place(self, piece: Piece) -> None:
         if piece.kind == "line":
-            self._tables[piece.place].write(piece.data.decode() + "\n")
+            self._files[piece.place].write(piece.data.decode() + "\n")
             return
         unix_ns = self.encoder.unix_ns(piece.stamp_ns)
         name = f"{unix_ns}.png"
         (self._part / piece.place / "data" / name).write_bytes(piece.data)
-        self._tables[piece.place].write(f"{unix_ns},{name}\n")
+        self._files[piece.place].write(f"{unix_ns},{name}\n")
         if piece.place == "cam0":
-            self._tables[TIMES_FILE].write(f"{unix_ns}\n")
-
-    def _finish(self) -> None:
-        for table in self._tables.values():
-            table.close()
-
-    def _drop(self) -> None:
-        close_unfinished(self._tables.values())
+            self._files[TIMES_FILE].write(f"{unix_ns}\n")

@@ -5,7 +5,6 @@ measurement to the beginning of its sweep.
 """
 
 from pathlib import Path
-from typing import TextIO
 
 import cv2
 import numpy as np
@@ -15,7 +14,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, PointCloud, Sample
-from recorder.writers.base import Encoder, Piece, close_unfinished, png_of
+from recorder.writers.base import Encoder, Piece, png_of
 from recorder.writers.formats.ego_path import POSE, FollowingWriter, is_pose, pose_piece
 from recorder.writers.formats.semantic_kitti import semantic_kitti_labels
 from recorder.writers.formats.sweep_points import POINT, point_rows
@@ -83,7 +82,6 @@ class KittiWriter(FollowingWriter):
         self._frames: dict[int, int] = {}
         self._early: list[Piece] = []
         self._T_first: Array | None = None
-        self._tables: dict[str, TextIO] = {}
 
     @property
     def _T_base_camera(self) -> Array:
@@ -97,7 +95,7 @@ class KittiWriter(FollowingWriter):
             (part / folder).mkdir(parents=True)
         (part / "calib.txt").write_text(self._calib(), encoding="utf-8")
         for name in ("times.txt", "poses.txt"):
-            self._tables[name] = (part / name).open("x", encoding="utf-8")
+            self._files[name] = (part / name).open("x", encoding="utf-8")
 
     def _place(self, piece: Piece) -> None:
         if piece.place == "moving":
@@ -147,8 +145,8 @@ class KittiWriter(FollowingWriter):
         if self._T_first is None:
             self._T_first = T_world_camera
         T_first_camera = np.linalg.inv(self._T_first) @ T_world_camera
-        self._tables["poses.txt"].write(_numbers(T_first_camera[:3]) + "\n")
-        self._tables["times.txt"].write(f"{piece.stamp_ns / 1e9:.6e}\n")
+        self._files["poses.txt"].write(_numbers(T_first_camera[:3]) + "\n")
+        self._files["times.txt"].write(f"{piece.stamp_ns / 1e9:.6e}\n")
 
     def _calib(self) -> str:
         """Projections of the cameras, if any, relative to the left one, and the LiDAR's place in it."""
@@ -171,11 +169,7 @@ class KittiWriter(FollowingWriter):
             for folder in self.encoder.images.values():
                 (self._part / folder / name).unlink(missing_ok=True)
         self._waiting.clear()
-        for table in self._tables.values():
-            table.close()
-
-    def _drop(self) -> None:
-        close_unfinished(self._tables.values())
+        super()._finish()
 
 
 def _numbers(values: Array) -> str:

@@ -8,7 +8,7 @@ import ast
 import io
 from dataclasses import fields
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,7 +25,7 @@ from carlaloc_env.samples import (
     Speed,
     WheelTicks,
 )
-from recorder.writers.base import Encoder, Piece, Writer, close_unfinished, png_of
+from recorder.writers.base import Encoder, Piece, Writer, png_of
 from recorder.writers.formats.ply import ply_bytes
 
 TABLES = (Imu, GnssFix, Speed, WheelTicks, Odometry)
@@ -65,7 +65,7 @@ class RawWriter(Writer):
 
     def _begin(self, part: Path) -> None:
         part.mkdir(parents=True)
-        self._tables: dict[str, tuple[np.dtype[Any], IO[bytes]]] = {}
+        self._rows: dict[str, np.dtype[Any]] = {}
 
     def _place(self, piece: Piece) -> None:
         if piece.kind.startswith("."):
@@ -73,13 +73,14 @@ class RawWriter(Writer):
             folder.mkdir(exist_ok=True)
             (folder / f"{self.encoder.unix_ns(piece.stamp_ns)}{piece.kind}").write_bytes(piece.data)
             return
-        if piece.place not in self._tables:
-            file = (self._part / f".{piece.place}.rows").open("w+b")
-            self._tables[piece.place] = np.dtype(ast.literal_eval(piece.kind)), file
-        self._tables[piece.place][1].write(piece.data)
+        if piece.place not in self._files:
+            self._files[piece.place] = (self._part / f".{piece.place}.rows").open("w+b")
+            self._rows[piece.place] = np.dtype(ast.literal_eval(piece.kind))
+        self._files[piece.place].write(piece.data)
 
     def _finish(self) -> None:
-        for name, (dtype, file) in self._tables.items():
+        for name, file in self._files.items():
+            dtype = self._rows[name]
             file.flush()
             file.seek(0)
             rows = np.fromfile(file, dtype)
@@ -88,9 +89,6 @@ class RawWriter(Writer):
             (self._part / f"{name}.npz").write_bytes(_npz({"stamp_ns": stamps, **columns}))
             file.close()
             (self._part / f".{name}.rows").unlink()
-
-    def _drop(self) -> None:
-        close_unfinished(file for _, file in self._tables.values())
 
 
 def _row(sample: Sample) -> NDArray[np.void]:

@@ -17,7 +17,7 @@ from carlaloc_env.sensors.gnss import BASE, RAW
 from carlaloc_env.sensors.raw_gnss.orbits import Ephemeris, ephemerides
 from carlaloc_env.sensors.raw_gnss.position import USED_DEG
 from carlaloc_env.sensors.raw_gnss.systems import SYSTEMS, WEEK_S
-from recorder.writers.base import Encoder, Piece, Writer, close_unfinished
+from recorder.writers.base import Encoder, Piece, Writer
 from recorder.writers.formats.nmea import nmea_text
 from recorder.writers.formats.rinex_text import (
     epoch_text,
@@ -57,7 +57,6 @@ class RinexWriter(Writer):
 
     def _begin(self, part: Path) -> None:
         part.mkdir(parents=True)
-        self._files: dict[str, IO[str]] = {}
         self._arcs: dict[str, dict[tuple[str, str], int]] = {}
         self._slots: dict[str, set[tuple[int, ...]]] = {}
         self._messages: dict[str, dict[tuple[str, int], Ephemeris]] = {}
@@ -122,11 +121,7 @@ class RinexWriter(Writer):
                     mask_deg=USED_DEG, ionosphere=ionosphere, troposphere=troposphere,
                 )  # fmt: skip
                 self._file(f"{name}_{kind}.conf").write(options)
-        for file in self._files.values():
-            file.close()
-
-    def _drop(self) -> None:
-        close_unfinished(self._files.values())
+        super()._finish()
 
 
 def _true_place(epoch: dict[str, Any]) -> str:
