@@ -2,10 +2,9 @@
 
 import json
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from multiprocessing import Pipe
 from pathlib import Path
-from types import TracebackType
 
 from carlaloc_env.core.cores import usable_cores
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
@@ -23,8 +22,8 @@ class DeadSystemError(EvaluationError):
     """A system has ended, hangs, or gives no pose that can be driven by."""
 
 
-class LiveSystem(AbstractContextManager["LiveSystem"]):
-    """The process of a system, in lock-step with a drive; ended at the latest with the context.
+class LiveSystem:
+    """The process of a system, in lock-step with a drive.
 
     Args:
         method: Name or ``.py`` file of a system whose function yields its poses.
@@ -52,9 +51,6 @@ class LiveSystem(AbstractContextManager["LiveSystem"]):
         threads = len(usable_cores())
         self._process = start_worker("live_worker", work / "job.json", self._log, threads, other)
         self._is_ready = False
-
-    def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
-        self.close()
 
     def feed(self, scan: Scan, inertial: Sequence[ImuSample]) -> list[StampedPose]:
         """Give a sweep, and wait until the system asks for the next; return the poses that it gave meanwhile.

@@ -106,10 +106,15 @@ def run_isolated(
         os.sched_setaffinity(child.pid, cores)
     memory = _PeakMemory(child.pid)
     status, usage = _wait(child, began + limit_s, stop, memory)
-    process_end = _ProcessEnd(
-        status, usage.ru_utime + usage.ru_stime, memory.peak_mb, time.monotonic() - began
+    error = _fault(status, out / LOG, limit_s)
+    return RunRecord(
+        error=error,
+        wall_s=time.monotonic() - began,
+        cpu_s=usage.ru_utime + usage.ru_stime,
+        peak_memory_mb=memory.peak_mb,
+        cores=threads,
+        **(_facts(out) if error is None else {}),
     )
-    return _record(out, process_end, limit_s, threads)
 
 
 def start_worker(
@@ -161,16 +166,6 @@ def _high_water_mb(pid: int) -> float:
     return 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class _ProcessEnd:
-    """End of a process: its exit status (None: past its limit), time and memory."""
-
-    status: int | None
-    cpu_s: float
-    peak_mb: float
-    wall_s: float
-
-
 def _wait(
     child: subprocess.Popen[bytes], until: float, stop: threading.Event | None, memory: _PeakMemory
 ) -> tuple[int | None, Any]:
@@ -210,30 +205,24 @@ def _terminate(child: subprocess.Popen[bytes]) -> Any:
     return usage
 
 
-def _record(out: Path, process_end: _ProcessEnd, limit_s: float, cores: int) -> RunRecord:
-    error: str | None = None
-    status, log = process_end.status, out / LOG
+def _fault(status: int | None, log: Path, limit_s: float) -> str | None:
+    """Why a run failed, by its exit status (None: its time was over) and its log; None: it did not."""
     if status is None:
-        error = f"ended after its time limit of {limit_s:.0f} s"
-    elif status < 0:
-        error = f"crashed by {signal.Signals(-status).name}: {last_line(log) or 'it printed nothing'}"
-    elif status > 0:
+        return f"ended after its time limit of {limit_s:.0f} s"
+    if status < 0:
+        return f"crashed by {signal.Signals(-status).name}: {last_line(log) or 'it printed nothing'}"
+    if status > 0:
         error = last_line(log) or f"ended with {status} and printed nothing"
-        error = error.replace(f"; see {LOG}", f"; log: {log}")
-    facts: dict[str, Any] = {}
-    times = np.zeros(0)
-    if error is None:
-        facts = json.loads((out / FACTS).read_text(encoding="utf-8"))
-        rows = (out / FRAMES).read_text(encoding="utf-8").splitlines()[1:]
-        times = np.array([float(row.split(",")[0]) for row in rows])
-    return RunRecord(
-        error=error,
-        wall_s=process_end.wall_s,
-        cpu_s=process_end.cpu_s,
-        peak_memory_mb=process_end.peak_mb,
-        cores=cores,
-        version=str(facts.get("version", "")),
-        frames=int(facts.get("frames", 0)),
-        frame_median_s=float(np.median(times)) if len(times) else float("nan"),
-        frame_p99_s=float(np.percentile(times, 99)) if len(times) else float("nan"),
-    )
+        return error.replace(f"; see {LOG}", f"; log: {log}")
+    return None
+
+
+def _facts(out: Path) -> dict[str, Any]:
+    """Fields of the record that a run which ended well has written."""
+    facts = json.loads((out / FACTS).read_text(encoding="utf-8"))
+    rows = (out / FRAMES).read_text(encoding="utf-8").splitlines()[1:]
+    times = np.array([float(row.split(",")[0]) for row in rows])
+    record = {name: facts[name] for name in ("version", "frames")}
+    if len(times):
+        record |= {"frame_median_s": float(np.median(times)), "frame_p99_s": float(np.percentile(times, 99))}
+    return record
