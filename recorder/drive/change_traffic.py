@@ -19,7 +19,7 @@ from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficWorld
-from recorder.episode.edit import rewrite_traffic
+from recorder.episode.edit import write_episode
 from recorder.episode.episode import Episode
 from recorder.episode.episode_town import town_of
 
@@ -80,11 +80,10 @@ def change_traffic(
                 progress(step * STEP_NS * 1e-9, count * STEP_NS * 1e-9)
             yield frame
 
-    new = replace(header, catalog=world.catalog, seed=seed, traffic=asdict(config))
-    written = rewrite_traffic(
-        source, out, new, frames(), signals, f"traffic seed {seed} instead of {header.seed}",
-        overwrite=overwrite,
-    )  # fmt: skip
+    history = (*header.history, f"traffic seed {seed} instead of {header.seed} of {source.name}")
+    new = replace(header, catalog=world.catalog, seed=seed, traffic=asdict(config), history=history)
+    events = [event for event in episode.events if event.kind != "collision"]
+    written = write_episode(out, new, episode.ego, frames(), signals, events, overwrite=overwrite)
     return OtherTraffic(path=str(written.path), touching_s=contacts.steps * STEP_NS * 1e-9)
 
 

@@ -1,7 +1,6 @@
 """Writes new episodes of recorded ones; sources stay as they are."""
 
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,23 +13,6 @@ from recorder.episode.ego_messages import EgoRow, Event
 from recorder.episode.episode import Episode
 from recorder.episode.episode_header import EpisodeHeader
 from recorder.episode.writer import EpisodeWriter
-
-
-def rewrite_traffic(
-    source: Path,
-    out: Path,
-    header: EpisodeHeader,
-    frames: Iterable[ActorFrame],
-    signals: NDArray[np.uint8],
-    what: str,
-    *,
-    overwrite: bool = False,
-) -> Episode:
-    """The same drive among others; `header` holds their catalogue and configuration."""
-    episode = Episode.load(source)
-    events = [event for event in episode.events if event.kind != "collision"]
-    edited = replace(header, history=(*header.history, f"{what} of {source.name}"))
-    return write_episode(out, edited, episode.ego, frames, signals, events, overwrite=overwrite)
 
 
 def write_episode(
