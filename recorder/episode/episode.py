@@ -55,13 +55,7 @@ class ControlLog:
 
     def at(self, tick: int) -> Controls:
         """Controls of one tick."""
-        return Controls(
-            steer=float(self.steer[tick]),
-            throttle=float(self.throttle[tick]),
-            brake=float(self.brake[tick]),
-            reverse=bool(self.reverse[tick]),
-            handbrake=bool(self.handbrake[tick]),
-        )
+        return Controls(**{name: getattr(self, name)[tick].item() for name in CONTROLS})
 
 
 class Episode:
