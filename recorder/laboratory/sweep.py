@@ -20,14 +20,11 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.presets import (
     changed_weather,
     weather_quantities,
-    weather_word,
     with_quantity,
 )
-from carlaloc_env.weather.schedule import weather_of
 from recorder.benchmark.plan import DRIVES, BenchmarkSequence, sequence_of
 from recorder.dataset.checksums import file_sha256
 from recorder.drive.change_traffic import change_traffic
-from recorder.episode.episode import open_episode
 from recorder.episode.traffic_level import LEVELS, traffic_level
 from recorder.replaying.conditions import Condition
 from recorder.replaying.options import rig_of
@@ -223,10 +220,7 @@ def sequences_of_points(
     Raises:
         CarlaLocError: a drive cannot be read, or an option does not fit it.
     """
-    first = {
-        drive: seed if (seed := config.drives.options.seed) is not None else open_episode(drive).header.seed
-        for drive in config.drives.episodes
-    }
+    first = {drive: config.drives.options.first_seed(drive) for drive in config.drives.episodes}
     for setting in {point.setting: None for point in points}:
         setting.faults.check(_rig(config, setting).sensors)
     groups: dict[Path, _Group] = {}
@@ -286,15 +280,7 @@ def _described(config: SweepConfig, group: _Group) -> dict[Setting, BenchmarkSeq
         episode=group.episode, out=group.out, map=drives.map,
         start_s=drives.start_s, duration_s=drives.duration_s,
     )  # fmt: skip
-    conditions = tuple(
-        Condition(
-            weather_name=weather_word(setting.weather),
-            weather=weather_of(setting.weather),
-            traffic=traffic_level(setting.traffic),
-            faults=setting.faults,
-        )
-        for setting in settings
-    )
+    conditions = tuple(Condition.of(s.weather, traffic_level(s.traffic), s.faults) for s in settings)
     streams = describe_drive(replayed, conditions)
     sequences = (sequence_of(stream, config.out / DRIVES) for stream in streams)
     return dict(zip(settings, sequences, strict=True))

@@ -29,6 +29,12 @@ class Condition:
         check_name("weather", self.weather_name)
         check_name("traffic level", self.traffic.name)
 
+    @classmethod
+    def of(cls, weather: str, traffic: TrafficLevel, faults: Faults) -> Condition:
+        """The condition of a weather by its name or schedule."""
+        name = weather_word(weather)
+        return cls(weather_name=name, weather=weather_of(weather), traffic=traffic, faults=faults)
+
     @property
     def name(self) -> str:
         """Folder of the sequence, e.g. ``ClearNoon_dynamic``."""
@@ -46,12 +52,7 @@ def conditions_of(
     if not weathers or not levels:
         raise ConfigError("a replay needs at least one weather and one traffic level")
     return tuple(
-        Condition(
-            weather_name=weather_word(name),
-            weather=weather_of(name),
-            traffic=level,
-            faults=faults or Faults(),
-        )
+        Condition.of(name, level, faults or Faults())
         for level in dict.fromkeys(traffic_level(text) for text in levels)
         for name in dict.fromkeys(weathers)
     )

@@ -19,6 +19,7 @@ from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
 from carlaloc_env.weather.schedule import WeatherSchedule, weather_of
 from recorder.dataset.layout import FORMATS, check_formats
+from recorder.episode.episode import open_episode
 from recorder.replaying.roadside import RoadsideUnit
 from recorder.writers.topic_profiles import profile_by_name
 
@@ -75,6 +76,10 @@ class ReplayOptions:
             raise ConfigError(f"units of {self.unit_s:g} s; give at least {STEP_NS / 1e9:g} s")
         if self.seed is not None and self.seed < 0:
             raise ConfigError(f"seed {self.seed}; give a number that is not negative")
+
+    def first_seed(self, episode: Path) -> int:
+        """Seed of sensor noise, or the first of several: the given one, else that of a drive."""
+        return open_episode(episode).header.seed if self.seed is None else self.seed
 
     def of_drive(self, **drive: Any) -> "ReplayConfig":
         """The replay of a drive with these options; fields of `ReplayConfig` are added or replaced."""

@@ -18,7 +18,7 @@ from carlaloc_env.weather.presets import weather_word
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
 from recorder.dataset.rig_sensors import imu_of, with_lidar_first
-from recorder.episode.episode import Episode, open_episode
+from recorder.episode.episode import Episode
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import Condition
 from recorder.replaying.options import ReplayConfig, ReplayOptions
@@ -138,9 +138,7 @@ def describe_drives(config: DriveConfig, out: Path) -> list[DriveStream]:
     """
     streams = []
     for episode in config.episodes:
-        first = config.options.seed
-        if first is None:
-            first = open_episode(episode).header.seed
+        first = config.options.first_seed(episode)
         for seed in range(first, first + config.noise_seeds):
             replayed = config.options.of_drive(
                 seed=seed,

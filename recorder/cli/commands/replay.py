@@ -163,11 +163,7 @@ def _of_noise_seeds(config: ReplayConfig, count: int) -> list[ReplayConfig]:
     """The replay, or as many that differ in the seed of sensor noise alone, in folders of their own."""
     if count == 1:
         return [config]
-    from recorder.episode.episode import open_episode
-
-    first = config.seed
-    if first is None:
-        first = open_episode(config.episode).header.seed
+    first = config.first_seed(config.episode)
     return [replace(config, seed=first + k, out=config.out / f"seed{first + k}") for k in range(count)]
 
 
