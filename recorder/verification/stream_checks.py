@@ -82,10 +82,7 @@ def check_euroc(mav0: Path) -> Iterator[str]:
         pictures[table.parent.name] = stamps
         listed = {line[1] for line in lines}
         there = {path.name for path in (table.parent / "data").iterdir()}
-        if missing := sorted(listed - there):
-            yield f"{name}: {len(missing)} images are missing, the first is {missing[0]}"
-        if unknown := sorted(there - listed):
-            yield f"{name}: {len(unknown)} images are not listed, the first is {unknown[0]}"
+        yield from _unequal(name, "images", listed, there)
     if "cam0" in pictures and "cam1" in pictures:
         yield from check_pair(f"{mav0.name}/cam0 and cam1", pictures["cam0"], pictures["cam1"])
 
@@ -122,10 +119,13 @@ def check_colmap(folder: Path) -> Iterator[str]:
 
 
 def _check_list(folder: Path, parts: tuple[str, ...], names: Iterable[str]) -> Iterator[str]:
-    listed = set(names)
     files = (path for part in parts for path in files_below(folder / part))
     there = {path.relative_to(folder).as_posix() for path in files}
+    yield from _unequal(folder.name, "files", set(names), there)
+
+
+def _unequal(name: str, what: str, listed: set[str], there: set[str]) -> Iterator[str]:
     if missing := sorted(listed - there):
-        yield f"{folder.name}: {len(missing)} files are missing, the first is {missing[0]}"
+        yield f"{name}: {len(missing)} {what} are missing, the first is {missing[0]}"
     if unknown := sorted(there - listed):
-        yield f"{folder.name}: {len(unknown)} files are not listed, the first is {unknown[0]}"
+        yield f"{name}: {len(unknown)} {what} are not listed, the first is {unknown[0]}"

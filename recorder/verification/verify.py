@@ -19,6 +19,9 @@ from recorder.verification.stream_checks import (
 )
 from recorder.writers.topics import TopicProfile
 
+_FOLDERS = {"euroc": check_euroc, "kitti": check_kitti, "nuscenes": check_nuscenes, "colmap": check_colmap}
+"""Checks of the formats that are folders."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
@@ -92,14 +95,9 @@ def _check_sequence(sequence: SequenceFolder, profile: TopicProfile) -> Iterator
         samples = SequenceDescription.read(sequence).samples
         for bag in sequence.bags:
             yield from (f"{bag.name}: {fault}" for fault in check_bag(bag, samples, profile))
-        if (mav0 := sequence.place("euroc")).is_dir():
-            yield from check_euroc(mav0)
-        if (kitti := sequence.place("kitti")).is_dir():
-            yield from check_kitti(kitti)
-        if (nuscenes := sequence.place("nuscenes")).is_dir():
-            yield from check_nuscenes(nuscenes)
-        if (colmap := sequence.place("colmap")).is_dir():
-            yield from check_colmap(colmap)
+        for name, check in _FOLDERS.items():
+            if (folder := sequence.place(name)).is_dir():
+                yield from check(folder)
         if sequence.bags:
             yield from check_fit(sequence.drive, sequence.bags[0], profile, samples)
     # Readers raise many kinds of errors on damaged files: struct, zlib, assertions, …
