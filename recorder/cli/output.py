@@ -1,17 +1,20 @@
 """Output of commands: streams that take any character, announcements, log files, results as JSON."""
 
+import csv
 import json
 import logging
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from carlaloc_env.core.files.atomic_files import atomic_write
 
 
 def make_streams_safe() -> None:
@@ -55,6 +58,16 @@ def logged_to(path: Path, name: str) -> Iterator[None]:
     finally:
         logger.removeHandler(file)
         file.close()
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], *, digits: int) -> None:
+    """Write a table of all columns that rows have (.csv), floats with so many digits."""
+    columns = dict.fromkeys(name for row in rows for name in row)
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(columns))
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({k: f"{v:.{digits}g}" if isinstance(v, float) else v for k, v in row.items()})
 
 
 def to_json(result: Mapping[str, Any]) -> str:

@@ -8,12 +8,10 @@ Examples:
 from __future__ import annotations
 
 import argparse
-import csv
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.cli.arguments import (
     OutputFolder,
     config_of,
@@ -24,6 +22,7 @@ from recorder.cli.arguments import (
     positive_int,
     positive_seconds,
 )
+from recorder.cli.output import write_rows
 from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -64,11 +63,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     table = arguments.out / TABLE
 
     def keep(scores: Sequence[DriveScore]) -> None:
-        with atomic_write(table) as part, part.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(asdict(scores[0])))
-            writer.writeheader()
-            for row in map(asdict, scores):
-                writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
+        write_rows(table, [asdict(score) for score in scores], digits=4)
 
     with Progress("drives", unit="drives") as progress:
         scores = run_closed_loop(config, progress.pieces, keep)

@@ -10,12 +10,10 @@ Examples:
 from __future__ import annotations
 
 import argparse
-import csv
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import UsageError
-from carlaloc_env.core.files.atomic_files import atomic_write
 from recorder.cli.arguments import (
     OutputFolder,
     add_condition_options,
@@ -28,6 +26,7 @@ from recorder.cli.arguments import (
     positive_int,
     positive_seconds,
 )
+from recorder.cli.output import write_rows
 from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -68,12 +67,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the systems, or read the files, and compare."""
     result = _of_files(arguments) if arguments.truth is not None else _of_drive(arguments)
     rows = result.rows()
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    with atomic_write(arguments.out / TABLE) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns)
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+    write_rows(arguments.out / TABLE, rows, digits=6)
     files = [arguments.out / TABLE]
     if arguments.plot:
         from recorder.laboratory.consistency import plot_consistency

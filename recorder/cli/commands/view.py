@@ -46,14 +46,12 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write a recording or page, and show the recording if it has no name."""
     if arguments.html != (arguments.out is not None and arguments.out.suffix.lower() == ".html"):
         raise UsageError("--html and a page after --out go together; give both: --html --out scene.html")
-    if arguments.html:
-        kind = _record(arguments, arguments.out)
-        return {"kind": kind, "out": str(arguments.out), "bytes": arguments.out.stat().st_size, "html": True}
-    from recorder.view.recording import check_display, open_viewer
-
     if arguments.out is not None:
         kind = _record(arguments, arguments.out)
-        return {"kind": kind, "out": str(arguments.out), "bytes": arguments.out.stat().st_size}
+        written = {"kind": kind, "out": str(arguments.out), "bytes": arguments.out.stat().st_size}
+        return written | ({"html": True} if arguments.html else {})
+    from recorder.view.recording import check_display, open_viewer
+
     check_display()
     with tempfile.TemporaryDirectory(prefix="carlaloc-view-") as folder:
         path = Path(folder, "view.rrd")
