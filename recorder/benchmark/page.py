@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pandas as pd
 from jinja2 import Environment
@@ -34,6 +33,7 @@ from recorder.evaluation.path_errors import PathErrors
 from recorder.report.canvas import COLOURS
 from recorder.report.lane_lines import lane_lines_of
 from recorder.report.mosaic import panels_in
+from recorder.view.sequence_view import jpeg_of
 
 PAGE = "report.html"
 STILLS, STILL_WIDTH_PX = 24, 480
@@ -203,8 +203,5 @@ def _jpeg(image: U8) -> str:
     """The first and the last panel of a preview side by side: camera and LiDAR, where the rig has both."""
     panels = panels_in(image)
     picture = np.hstack([panels[0], panels[-1]] if len(panels) > 1 else panels)
-    height, width = picture.shape[:2]
-    width_px = STILL_WIDTH_PX * min(len(panels), 2)
-    small = cv2.resize(picture, (width_px, round(width_px * height / width)), interpolation=cv2.INTER_AREA)
-    _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 60])
-    return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
+    data = jpeg_of(picture, STILL_WIDTH_PX * min(len(panels), 2), 60)
+    return "data:image/jpeg;base64," + base64.b64encode(data).decode()

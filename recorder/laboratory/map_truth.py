@@ -29,6 +29,7 @@ from recorder.evaluation.trajectory import Trajectory
 from recorder.laboratory.map_scores import Distances, GhostRule, MapScore, find_ghosts, measure, score_map
 from recorder.laboratory.surface_cloud import Region, SurfaceCloud, sample_surface
 from recorder.laboratory.true_map import Progress, TrueMap, ever_visible
+from recorder.view.sequence_view import in_world
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 
@@ -198,11 +199,6 @@ def build_map(scans: Iterable[Scan], poses: Trajectory, *, voxel_m: float = 0.1)
     """
     parts = []
     for scan in scans:
-        stamps = scan.stamp_ns + np.round(scan.time_s * 1e9).astype(np.int64)
-        order = np.argsort(stamps, kind="stable")
-        times, back = np.unique(stamps[order], return_inverse=True)
-        at = poses.at(times)
-        rays = scan.points_xyz_m[order]
-        world = transforms.quat_rotate(at.quat_xyzw[back], rays) + at.position_m[back]
-        parts.append(thinned(world, voxel_m))
+        order = np.argsort(np.rint(scan.time_s * 1e9), kind="stable")
+        parts.append(thinned(in_world(scan, poses)[order], voxel_m))
     return thinned(np.concatenate(parts), voxel_m) if parts else np.zeros((0, 3))
