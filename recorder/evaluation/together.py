@@ -126,7 +126,7 @@ def between_errors(
             f"'{a[1].name}' and '{b[1].name}' have no time in common; give drives at one time"
         )
     stamps = a[0].stamp_ns[rows]
-    true, found = (_relative(a[side].take(rows), b[side].at(stamps)) for side in (0, 1))
+    true, found = (relative(a[side].take(rows), b[side].at(stamps)) for side in (0, 1))
     found = replace(found, position_m=transform.scale * found.position_m)
     turned = transforms.quat_multiply(transforms.quat_conjugate(true.quat_xyzw), found.quat_xyzw)
     angle: Array = np.degrees(np.linalg.norm(transforms.quat_to_rotvec(turned), axis=1))
@@ -141,7 +141,8 @@ def set_out_at(truth: Trajectory, estimate: Trajectory) -> Trajectory:
     return Similarity(R=R, t=true.position_m[0] - R @ estimate.position_m[0]).apply(estimate)
 
 
-def _relative(a: Trajectory, b: Trajectory) -> Trajectory:
+def relative(a: Trajectory, b: Trajectory) -> Trajectory:
+    """Poses of b in the frame of a, at the stamps that both have."""
     to_a = transforms.quat_conjugate(a.quat_xyzw)
     return replace(
         b,

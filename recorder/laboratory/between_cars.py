@@ -19,16 +19,17 @@ from carlaloc_env.raycast.scene import RayScene
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
-from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import weather_of
 from recorder.episode.episode import Episode
 from recorder.episode.episode_town import town_of
+from recorder.evaluation.together import relative
+from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory_files import write_tum
 from recorder.laboratory.place_pairs import Frames, find_pairs, frames_along, write_csv
 from recorder.laboratory.true_map import field_of
 from recorder.replaying.plan import ReplayPlan
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.formats.tum import write_tum
 
 FOLDER = "between_cars"
 """Folder of the truth between cars, beside those of the cars."""
@@ -78,12 +79,12 @@ def write_between_cars(
     stage = _stage(first) if len(eyes) - eyes.count(None) > 1 else None
     pairs = list(combinations(zip(plans, eyes, strict=True), 2))
     for done, ((a, eye_a), (b, eye_b)) in enumerate(pairs):
-        relative = relative_motion(a.timeline, b.timeline, stamps)
+        between = relative_motion(a.timeline, b.timeline, stamps)
         pair = [a.config.carrier, b.config.carrier]
         path = folder / f"{pair[0]}_{pair[1]}.tum"
         if not path.exists():
-            write_tum(path, relative, epoch_ns=DEFAULT_EPOCH_NS)
-        contacts += [[*pair, *row] for row in contact_times(relative, radio_range_m)]
+            write_tum(path, between.shifted(DEFAULT_EPOCH_NS))
+        contacts += [[*pair, *row] for row in contact_times(between, radio_range_m)]
         if stage is not None and eye_a is not None and eye_b is not None:
             closures += [[*pair, *row] for row in true_closures(stage.rays(), eye_a, eye_b)]
         report(done + 1, len(pairs))
@@ -96,28 +97,22 @@ def write_between_cars(
     return BetweenCars(folder=folder, closures=len(closures))
 
 
-def relative_motion(a: Timeline, b: Timeline, stamps_ns: NDArray[np.int64]) -> Motion:
-    """Poses of the `base_link` of car b in that of car a at equal times, as the motion of a frame."""
-    of_a, of_b = a.ego_motion(stamps_ns), b.ego_motion(stamps_ns)
-    to_a = transforms.quat_conjugate(of_a.quat_xyzw)
-    none = np.zeros_like(of_a.position_m)
-    return Motion(
-        stamp_ns=of_a.stamp_ns,
-        position_m=transforms.quat_rotate(to_a, of_b.position_m - of_a.position_m),
-        quat_xyzw=transforms.quat_multiply(to_a, of_b.quat_xyzw),
-        velocity_world_mps=none,
-        acceleration_world_mps2=none,
-        omega_body_radps=none,
-        alpha_body_radps2=none,
+def relative_motion(a: Timeline, b: Timeline, stamps_ns: NDArray[np.int64]) -> Trajectory:
+    """Poses of the `base_link` of car b in that of car a at equal times."""
+    motions = [car.ego_motion(stamps_ns) for car in (a, b)]
+    paths = (
+        Trajectory(stamp_ns=one.stamp_ns, position_m=one.position_m, quat_xyzw=one.quat_xyzw)
+        for one in motions
     )
+    return relative(*paths)
 
 
-def contact_times(relative: Motion, range_m: float) -> list[list[object]]:
+def contact_times(between: Trajectory, range_m: float) -> list[list[object]]:
     """First and last stamp [ns] of each time within a range, and the least distance in it [m]."""
-    apart_m = np.sqrt(np.sum(relative.position_m**2, axis=1))
+    apart_m = np.sqrt(np.sum(between.position_m**2, axis=1))
     near = np.concatenate([[False], apart_m <= range_m, [False]])
     edges = np.flatnonzero(np.diff(near.astype(np.int8))).reshape(-1, 2)
-    stamps = relative.stamp_ns
+    stamps = between.stamp_ns
     return [
         [int(stamps[begin]), int(stamps[end - 1]), f"{apart_m[begin:end].min():.3f}"]
         for begin, end in edges.tolist()

@@ -12,18 +12,17 @@ from recorder.evaluation.trajectory_files import tum_text
 from recorder.writers.base import DEFAULT_EPOCH_NS, write_text
 
 
-def write_tum(path: str | Path, motion: Motion, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> Path:
+def write_tum(path: str | Path, motion: Motion) -> Path:
     """Write the poses of a frame in the world.
 
     Args:
         path: New file.
         motion: Motion of the frame.
-        epoch_ns: Unix time of the drive's beginning [ns].
 
     Raises:
         WriterError: the file exists or cannot be written.
     """
-    return write_text(path, tum_text(epoch_ns + motion.stamp_ns, motion.position_m, motion.quat_xyzw))
+    return write_text(path, tum_text(DEFAULT_EPOCH_NS + motion.stamp_ns, motion.position_m, motion.quat_xyzw))
 
 
 def write_truth(
