@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
+from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.sensors.camera_config import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar_config import LidarConfig
@@ -25,6 +26,8 @@ from recorder.dataset.rig_sensors import imu_of, lidar_of, stereo_of, with_lidar
 from recorder.dataset.scans import Scan
 from recorder.evaluation.trajectory_files import read_tum
 
+_SENSORS = ("lidar", "imu", "camera")
+"""Frames that are a sensor's."""
 RAW, SEGMENTED = "raw", "seg"
 """Clouds as measured, and without the points on classes that move (the paper's seg(d))."""
 
@@ -144,20 +147,19 @@ class SlamSequence:
 
     def truth_file(self, frame: str) -> Path:
         """TUM file of a frame: ``lidar``, ``imu``, ``camera`` (the left one) or ``base_link``."""
-        if frame == "camera":
-            frame = self.stereo[0].frame_id
-        elif frame in ("lidar", "imu"):
-            frame = self._part(frame).frame_id
-        return self.files.drive.truth(frame)
+        return self.files.drive.truth(self._sensor(frame).frame_id if frame in _SENSORS else frame)
+
+    def T_base(self, frame: str) -> Array:
+        """Maps coordinates of a frame of `truth_file` to `base_link`, shape (4, 4)."""
+        return self._sensor(frame).mount.T_base_sensor if frame in _SENSORS else np.eye(4)
 
     def T(self, to: str, of: str) -> Array:
         """Maps coordinates of sensor `of` to sensor `to` (``lidar``, ``imu``), shape (4, 4)."""
-        T_base_to, T_base_of = (self._part(kind).mount.T_base_sensor for kind in (to, of))
-        T: Array = np.linalg.inv(T_base_to) @ T_base_of
+        T: Array = np.linalg.inv(self.T_base(to)) @ self.T_base(of)
         return T
 
-    def _part(self, kind: str) -> LidarConfig | ImuConfig:
-        return self.lidar if kind == "lidar" else self.imu
+    def _sensor(self, frame: str) -> SensorConfig:
+        return self.stereo[0] if frame == "camera" else self.lidar if frame == "lidar" else self.imu
 
     def frames(self, sensor: str) -> int:
         """Number of sweeps (``lidar``) or of pairs of images (``stereo``).

@@ -14,7 +14,6 @@ from scipy.stats import chi2
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError, EvaluationError
 from carlaloc_env.core.files.output_paths import check_output_file
-from recorder.benchmark.plan import Job
 from recorder.benchmark.run import BenchmarkConfig, Progress, run_benchmark
 from recorder.dataset.sequence import RAW, SlamSequence
 from recorder.evaluation.covariance_files import read_covariances
@@ -154,7 +153,9 @@ def run_consistency(config: ConsistencyConfig, progress: Progress = lambda *_: N
             why = "; ".join(line for line in result.failures if line.startswith(title))
             raise EvaluationError(f"{len(ended)} of {len(jobs)} runs of {title} gave an estimate; {why}")
         runs = [read_run(config.out / job.folder / ESTIMATE, title) for job in ended]
-        truth, T_base_frame = _truth_of(ended[0])
+        sequence = SlamSequence(ended[0].sequence.path, lidar=ended[0].sequence.lidar)
+        frame = ended[0].system.frame
+        truth, T_base_frame = read_tum(sequence.truth_file(frame)), sequence.T_base(frame)
         errors = pose_errors(truth, runs, over_m=config.over_m, T_base_frame=T_base_frame)
         methods.append(MethodConsistency(title=title, failed=len(jobs) - len(ended), errors=errors))
     return ConsistencyResult(methods=tuple(methods), failures=tuple(result.failures))
@@ -184,17 +185,6 @@ def read_run(path: Path, name: str) -> Run:
     """An estimate and the covariances beside it."""
     estimate = read_tum(path)
     return Run(estimate=replace(estimate, name=name), covariance=read_covariances(path, estimate))
-
-
-def _truth_of(job: Job) -> tuple[Trajectory, Array]:
-    """Truth of a system's frame, and what maps that frame to `base_link`."""
-    sequence, frame = SlamSequence(job.sequence.path, lidar=job.sequence.lidar), job.system.frame
-    T = np.eye(4)
-    if frame in ("lidar", "imu"):
-        T = (sequence.lidar if frame == "lidar" else sequence.imu).mount.T_base_sensor
-    elif frame == "camera":
-        T = sequence.stereo[0].mount.T_base_sensor
-    return read_tum(sequence.truth_file(frame)), T
 
 
 _LEVEL = 0.95
