@@ -55,9 +55,8 @@ def nmea_text(epoch: Mapping[str, Any]) -> str:
 
 def _in_view(epoch: Mapping[str, Any], letter: str, talker: str) -> list[str]:
     """Sentences GSV of a system: elevation, azimuth and C/N0 of the first signal, four satellites each."""
-    cn0: dict[str, float] = {}
-    for name, value in zip(epoch["satellite"], epoch["cn0_dbhz"], strict=True):
-        cn0.setdefault(name, value)
+    # Of several signals of a satellite, the first.
+    cn0 = dict(zip(reversed(epoch["satellite"]), reversed(epoch["cn0_dbhz"]), strict=True))
     sky = zip(epoch["sky_satellite"], epoch["sky_elevation_deg"], epoch["sky_azimuth_deg"], strict=True)
     seen = [
         f"{name[1:]},{up:02.0f},{round(azimuth) % 360:03d},{f'{cn0[name]:02.0f}' if name in cn0 else ''}"

@@ -134,9 +134,8 @@ def _true_place(epoch: dict[str, Any]) -> str:
 
 def _truth(epoch: dict[str, Any], unix_ns: int) -> str:
     """A line for each satellite above the mask, blocked ones included."""
-    cn0: dict[str, float] = {}
-    for name, value in zip(epoch["satellite"], epoch["cn0_dbhz"], strict=True):
-        cn0.setdefault(name, value)
+    # Of several signals of a satellite, the first.
+    cn0 = dict(zip(reversed(epoch["satellite"]), reversed(epoch["cn0_dbhz"]), strict=True))
     lines = []
     for k, name in enumerate(epoch["sky_satellite"]):
         way, level = epoch["sky_way"][k], f"{cn0[name]:.1f}" if name in cn0 else ""
