@@ -114,7 +114,7 @@ class HumanDevice:
             return f"{self._kind.upper()} UNPLUGGED: braking; plug it in again"
         if self._roles.question:
             return self._roles.question
-        if self._kind != "keyboard" and self._steering_raw() is None:
+        if self._kind != "keyboard" and self._travel("steer") is None:
             return f"turn the {self._kind} a little so that its position is known"
         return self._fault() or self._pressed_from_the_start() or self._guess()
 
@@ -154,7 +154,7 @@ class HumanDevice:
         return Controls(steer=_clip(steer), throttle=throttle, brake=brake, handbrake=handbrake)
 
     def _read_sticks(self, speed_mps: float) -> Controls:
-        turned = self._steering_raw() or 0.0
+        turned = self._travel("steer") or 0.0
         throttle, brake = self._pedal("throttle"), self._pedal("brake")
         pressed = self._held(Command.THROTTLE), self._held(Command.BRAKE)
         by_button = self._key_pedals.update(*pressed)
@@ -209,9 +209,7 @@ class HumanDevice:
             driven = self._roles.of(role)
             if driven is None or rested(*driven, role):
                 continue
-            shape: AxisShape = getattr(driven[1], role)
-            raw = driven[0].axis(shape.axis)
-            if raw is not None and shape_axis(raw, shape) > 0.0:
+            if (self._travel(role) or 0.0) > 0.0:
                 return f"let go of the {role} of {driven[0].name}; if nothing presses it: {self._calibrate}"
         return None
 
@@ -237,20 +235,20 @@ class HumanDevice:
             return f"no connected device has a {role}; plug it in, or run: {self._calibrate}"
         return None
 
-    def _steering_raw(self) -> float | None:
-        driven = self._roles.of("steer")
-        if driven is None or driven[1].steer is None:
+    def _travel(self, role: str) -> float | None:
+        """Shaped travel of a control; None where it is missing or its position is not known."""
+        driven = self._roles.of(role)
+        if driven is None:
             return None
-        raw = driven[0].axis(driven[1].steer.axis)
-        return None if raw is None else shape_axis(raw, driven[1].steer)
+        shape: AxisShape = getattr(driven[1], role)
+        raw = driven[0].axis(shape.axis)
+        return None if raw is None else shape_axis(raw, shape)
 
     def _pedal(self, role: str) -> float:
         driven = self._roles.of(role)
         if driven is None or not rested(*driven, role):
             return 0.0
-        shape: AxisShape = getattr(driven[1], role)
-        raw = driven[0].axis(shape.axis)
-        return 0.0 if raw is None else max(0.0, shape_axis(raw, shape))
+        return max(0.0, self._travel(role) or 0.0)
 
     def _held(self, command: Command) -> bool:
         driven = self._roles.in_use
