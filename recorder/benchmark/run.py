@@ -20,7 +20,7 @@ from recorder.benchmark.score import ERRORS, Score
 from recorder.dataset.sequence import SlamSequence, faults_of
 from recorder.evaluation.path_errors import PathErrors
 from recorder.replaying.unit_work import STOP
-from recorder.replaying.workers import DaskCluster, Task, ThisProcess, Workers, progress_of, run_tasks
+from recorder.replaying.workers import DaskCluster, Task, ThisProcess, Workers, run_tasks
 from recorder.slam.supervisor import LOG, RunRecord
 from recorder.slam.system_file import is_system_file
 from recorder.slam.systems import SYSTEMS, system_of
@@ -226,11 +226,11 @@ class _Run:
             )
             work.folder.mkdir(parents=True)
             tasks.append(Task(run_batch, work, work.folder / "progress"))
-        workers: Workers = ThisProcess(lambda task, done_s: self._report({task: done_s}), lambda: None)
+        workers: Workers = ThisProcess(self._report, lambda: None)
         if config.cluster is not None:
             workers = DaskCluster(config.cluster)
         try:
-            run_tasks(tasks, workers, done=self._batch_ended, look=self._look_at)
+            run_tasks(tasks, workers, done=self._batch_ended, look=self._report)
         except BaseException:
             (folder / STOP).touch()
             raise
@@ -243,9 +243,6 @@ class _Run:
                 raise EvaluationError(f"{self._config.out / job.folder} holds no result that can be read")
             self._ended(job, result[0])
         return []
-
-    def _look_at(self, tasks: Sequence[Task]) -> None:
-        self._report({task: progress_of(task) for task in tasks})
 
     def _report(self, done_s: Mapping[Task, float]) -> None:
         """Report progress, of runs under way the share of the drive that has been made for them."""

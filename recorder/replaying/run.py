@@ -1,7 +1,7 @@
 """One run of a replay: units go to workers, sequences are assembled as soon as their units are whole."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from shutil import rmtree
 from typing import Any
@@ -33,7 +33,6 @@ from recorder.replaying.workers import (
     Task,
     ThisProcess,
     Workers,
-    progress_of,
     run_tasks,
 )
 from recorder.replaying.working_folder import WorkingFolder
@@ -129,7 +128,7 @@ class ReplayRun:
             return DaskCluster(plan.config.cluster)
         if plan.processes > 1:
             return LocalProcesses(plan.processes)
-        return ThisProcess(self._report, release_sensors)
+        return ThisProcess(self._look, release_sensors)
 
     def _tasks(self) -> list[Task]:
         """Units that are to be made, and sequences whose units are whole already."""
@@ -236,9 +235,6 @@ class ReplayRun:
             return done
         return self._weight_s(task) * done / len(task.job.units)
 
-    def _report(self, task: Task, done: float) -> None:
-        self._progress(self._done_s + self._part_s(task, done), self._total_s)
-
-    def _look(self, tasks: Sequence[Task]) -> None:
-        done_s = self._done_s + sum(self._part_s(task, progress_of(task)) for task in tasks)
+    def _look(self, done: Mapping[Task, float]) -> None:
+        done_s = self._done_s + sum(self._part_s(task, part) for task, part in done.items())
         self._progress(done_s, self._total_s)

@@ -9,7 +9,7 @@ import os
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,6 +44,10 @@ class Task:
     """File in which a worker writes its progress; its folder exists."""
 
 
+Look = Callable[[Mapping[Task, float]], None]
+"""Called with the progress of tasks."""
+
+
 class Workers(Protocol):
     """Interface of a place where tasks run."""
 
@@ -63,19 +67,19 @@ class ThisProcess:
     """Does tasks in this process, in turn.
 
     Args:
-        report: Called with the progress of a task.
+        look: Called with the progress of a task.
         release: Called at the end, to release whatever tasks keep for the next task.
     """
 
     at_once = 1
     deaths: tuple[type[Exception], ...] = ()
 
-    def __init__(self, report: Callable[[Task, float], None], release: Callable[[], None]) -> None:
-        self._report, self._release = report, release
+    def __init__(self, look: Look, release: Callable[[], None]) -> None:
+        self._look, self._release = look, release
 
     def executor(self) -> Executor:
         """An executor that does a task when it is submitted."""
-        return _Inline(self._report)
+        return _Inline(self._look)
 
     def stop(self, executor: Executor) -> None:
         """Release kept objects."""
@@ -155,7 +159,7 @@ def run_tasks(
     workers: Workers,
     *,
     done: Callable[[Task], Sequence[Task]],
-    look: Callable[[Sequence[Task]], None],
+    look: Look,
 ) -> None:
     """Do tasks, and those that follow from them.
 
@@ -163,7 +167,7 @@ def run_tasks(
         tasks: The tasks, in order of preference.
         workers: Where.
         done: Called with each finished task; returns what can be done now.
-        look: Called four times a second with the tasks that are not finished.
+        look: Called four times a second with the progress of the tasks that are not finished.
 
     Raises:
         Exception: the first error of a task; all others are ended then.
@@ -195,7 +199,7 @@ def _work(
     tasks: Sequence[Task],
     workers: Workers,
     done: Callable[[Task], Sequence[Task]],
-    look: Callable[[Sequence[Task]], None],
+    look: Look,
 ) -> list[Task]:
     """Do tasks, and return those that are left over where workers have died."""
     waiting, left = deque(tasks), list[Task]()
@@ -218,7 +222,7 @@ def _work(
             else:
                 # Tasks that follow come first: assembled sequences free disk space.
                 waiting.extendleft(done(task))
-        look(list(pending.values()))
+        look({task: progress_of(task) for task in pending.values()})
     return left
 
 
@@ -247,12 +251,12 @@ def progress_of(task: Task) -> float:
 class _Inline(Executor):
     """Does each task when it is submitted; errors are raised there and then."""
 
-    def __init__(self, report: Callable[[Task, float], None]) -> None:
-        self._report = report
+    def __init__(self, look: Look) -> None:
+        self._look = look
 
     def submit(self, do: Any, /, *args: Any, **_: Any) -> Future[Any]:
         (task,) = args
-        task.do(task.job, lambda done: self._report(task, done))
+        task.do(task.job, lambda done: self._look({task: done}))
         future: Future[Any] = Future()
         future.set_result(None)
         return future
