@@ -26,8 +26,8 @@ _PART_MAX_BYTES = 255
 """Longest name of a file or folder on common file systems."""
 
 
-def _path(text: str) -> Path:
-    """Path typed by the user, `~` expanded; one that no disk can hold is refused."""
+def input_path(text: str) -> Path:
+    """Path of something that is read, `~` expanded; one that no disk can hold is refused."""
     if not text or "\0" in text:
         raise argparse.ArgumentTypeError("give a path")
     if any(len(os.fsencode(part)) > _PART_MAX_BYTES for part in Path(text).parts):
@@ -36,11 +36,6 @@ def _path(text: str) -> Path:
         return Path(text).expanduser()
     except RuntimeError as error:
         raise argparse.ArgumentTypeError(f"{text}: {error}") from error
-
-
-def input_path(text: str) -> Path:
-    """Path of something that is read."""
-    return _path(text)
 
 
 class OutputFile:
@@ -55,7 +50,7 @@ class OutputFile:
 
     def __call__(self, text: str) -> Path:
         """Path typed by the user."""
-        return _path(text)
+        return input_path(text)
 
     def check(self, path: Path, *, overwrite: bool) -> None:
         """Refuse a path that may not be written.
@@ -81,7 +76,7 @@ class OutputFolder:
 
     def __call__(self, text: str) -> Path:
         """Path typed by the user."""
-        return _path(text)
+        return input_path(text)
 
     def check(self, path: Path, *, overwrite: bool) -> None:
         """Refuse a folder that may not be written into.

@@ -92,10 +92,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         if not known:
             for note in (*rig_notes(rig_of(config)), *snow_notes(config)):
                 announced(f"note: {note}")
-        if not known and (
-            note := motion_at_start_of(Episode.load(config.episode).timeline(), config.start_s)
-        ):
-            announced(f"the stretch {note}")
+            if start := motion_at_start_of(Episode.load(config.episode).timeline(), config.start_s):
+                announced(f"the stretch {start}")
         known.append(cost)
 
     for replayed in replays:
