@@ -11,6 +11,7 @@ from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError, unknown_name
+from recorder.dataset.bag_messages import stamp_ns
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_checks import in_order
 
@@ -70,11 +71,10 @@ def _tree(path: Path, reader: AnyReader, topic: str) -> Tree:
     for name in sorted({f"{topic}_static", topic} & topics):
         for _, _, message in messages_of(reader, name):
             for each in message.transforms:
-                stamp = each.header.stamp
                 link = (each.child_frame_id.strip("/"), each.header.frame_id.strip("/"))
                 if name != topic and link in rows:
                     rows[link].clear()
-                rows.setdefault(link, []).append((stamp.sec * 10**9 + stamp.nanosec, each.transform))
+                rows.setdefault(link, []).append((stamp_ns(each), each.transform))
     tree: Tree = {}
     for (child, parent), stamped in rows.items():
         if child in tree:
