@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, MissingDependencyError
-from carlaloc_env.core.files.atomic_files import atomic_write, write_whole
+from carlaloc_env.core.files.atomic_files import write_whole
 from carlaloc_env.core.files.output_paths import path_below
 from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.run import run_benchmark
@@ -208,8 +208,7 @@ def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -
     ]  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
     written = [out / "tries.csv"]
-    with atomic_write(written[0]) as part:
-        pd.DataFrame(rows).to_csv(part, index=False)
+    write_whole(written[0], pd.DataFrame(rows).to_csv(index=False))
     for name, tried in (("broken", result.broken), ("passes", result.passes)):
         if tried is None:
             continue

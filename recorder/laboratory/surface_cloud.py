@@ -135,8 +135,6 @@ def _blocks(
         )
 
 
-MESH_SUFFIXES = (".ply", ".gltf")
-"""Kinds of files that meshes are written to; hardly any reader takes the .glb of Open3D."""
 CLOUD_SUFFIXES = (".ply", ".pcd", ".xyz")
 """Kinds of files that clouds are read from."""
 
@@ -148,7 +146,7 @@ def write_mesh(mesh: Mesh, path: Path) -> Path:
 
     Args:
         mesh: The triangles, world.
-        path: File of one of `MESH_SUFFIXES`.
+        path: File, ``.ply`` or ``.gltf``; hardly any reader takes the .glb of Open3D.
 
     Raises:
         OutputError: it cannot be written.

@@ -13,7 +13,7 @@ from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from recorder.report.mosaic import PANEL_HEIGHT_PX, PANEL_WIDTH_PX, joined, panel_of
-from recorder.writers.base import Encoder, Piece, Writer
+from recorder.writers.base import Encoder, Piece, Writer, png_of
 
 if TYPE_CHECKING:
     from av.container import OutputContainer
@@ -116,10 +116,9 @@ class PreviewWriter(Writer):
             self.target.unlink(missing_ok=True)
             return
         path = self.target.with_suffix(".png")
-        done, png = cv2.imencode(".png", cv2.cvtColor(self._still, cv2.COLOR_RGB2BGR))
-        assert done
+        png = png_of(cv2.cvtColor(self._still, cv2.COLOR_RGB2BGR), "the still", ())
         try:
-            path.write_bytes(png.tobytes())
+            path.write_bytes(png)
         except OSError as error:
             path.unlink(missing_ok=True)
             self.target.unlink(missing_ok=True)
