@@ -81,7 +81,8 @@ def _check_depth(
     T_base: Mapping[str, Array],
     truth: Trajectory,
 ) -> Iterator[str]:
-    info = _first(reader, camera_info)
+    _, _, first = next(reader.messages([camera_info]))
+    info = reader.deserialize(first, camera_info.msgtype)
     stamps = [stamp for _, stamp, _ in reader.messages([depths])]
     chosen = set(stamps[:: max(1, len(stamps) // FRAMES)])
     clouds = {stamp: raw for _, stamp, raw in reader.messages([lidar]) if stamp in chosen}
@@ -155,8 +156,3 @@ def _fitting(points: Array, depth_m: Any, info: Any) -> Any:
     )
     margin = WITHIN_M + WITHIN_SHARE * z
     return (z > nearest - margin) & (z < farthest + margin)
-
-
-def _first(reader: Any, connection: Connection) -> Any:
-    _, _, raw = next(reader.messages([connection]))
-    return reader.deserialize(raw, connection.msgtype)
