@@ -21,7 +21,7 @@ from carlaloc_env.assets.catalog import EGO_TINT
 from carlaloc_env.assets.number_plates import plate_of
 from carlaloc_env.assets.vehicles.wheels import wheel_pose
 from carlaloc_env.core import elementary
-from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.actors import (
@@ -58,7 +58,7 @@ def instances_at(library: ModelLibrary, lenses: SignalLenses, snapshot: Snapshot
         ego = replace(ego, instance=np.full(len(ego), UNLIT_EGO_INSTANCE, np.uint32))
     # The ego's place decides the detail, so that both eyes see the same shapes.
     eye_m = snapshot.T_world_base[:3, 3]
-    return concatenate_instances(
+    return Instances.joined(
         [
             ego,
             place_actors(catalog, actors, library, eye_m=eye_m),
@@ -124,7 +124,7 @@ def place_actors(
         return placed
     near = np.flatnonzero(~low & tables.parted[family])
     parts = [_wheels(tables, family, frame, placed, near), _plates(tables, family, placed, near)]
-    return concatenate_instances([placed, *parts])
+    return Instances.joined([placed, *parts])
 
 
 def place_lights(

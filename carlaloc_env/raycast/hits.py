@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
+from carlaloc_env.core.parallel_arrays import ParallelArrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Hits:
+class Hits(ParallelArrays):
     """The first surface along each of N rays."""
 
     range_m: F32
@@ -47,7 +47,3 @@ class Hits:
         """Overwrite some rows, shape (M,), by the hits of M other rays."""
         for name in self.__slots__:
             getattr(self, name)[rows] = getattr(other, name)
-
-    def take(self, rows: NDArray[Any]) -> Hits:
-        """Hits of some of the rays, by index or mask."""
-        return Hits(**{name: getattr(self, name)[rows] for name in self.__slots__})

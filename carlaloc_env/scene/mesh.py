@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32
+from carlaloc_env.core.parallel_arrays import ParallelArrays
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -171,7 +172,7 @@ class ModelLibrary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Instances:
+class Instances(ParallelArrays):
     """Models standing in the world at one instant, parallel arrays."""
 
     model: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
@@ -185,19 +186,6 @@ class Instances:
 
     def __len__(self) -> int:
         return len(self.model)
-
-    def take(self, which: NDArray[np.intp]) -> Instances:
-        """Some of them."""
-        return Instances(**{name: getattr(self, name)[which] for name in self.__slots__})
-
-
-def concatenate_instances(parts: Sequence[Instances]) -> Instances:
-    """All instances of several groups, in their order."""
-    if not parts:
-        return Instances()
-    return Instances(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Instances.__slots__}
-    )
 
 
 def meshes_to_arrays(meshes: Sequence[Mesh]) -> dict[str, NDArray[Any]]:

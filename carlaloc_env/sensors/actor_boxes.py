@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.parallel_arrays import ParallelArrays
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import Timeline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ActorBoxes:
+class ActorBoxes(ParallelArrays):
     """Boxes around N actors at one instant."""
 
     id: NDArray[np.uint32]
@@ -65,10 +66,6 @@ class ActorBoxes:
         rate = self.yaw_rate_radps[index]
         turning = np.stack([-rate * arm[:, 1], rate * arm[:, 0], np.zeros(len(arm))], axis=-1)
         return self.velocity_mps[index] + turning
-
-    def take(self, index: NDArray[np.intp]) -> ActorBoxes:
-        """Some of the boxes."""
-        return ActorBoxes(**{name: getattr(self, name)[index] for name in self.__slots__})
 
 
 def boxes_at(timeline: Timeline, stamp_ns: int) -> ActorBoxes:

@@ -15,10 +15,7 @@ from carlaloc_env.samples import RadarScan, Sample
 from carlaloc_env.sensors.base import Sensor, World
 from carlaloc_env.sensors.radar_config import RadarConfig
 from carlaloc_env.sensors.radar_detector import Detector
-from carlaloc_env.sensors.radar_equation import (
-    join,
-    merge_cells,
-)
+from carlaloc_env.sensors.radar_equation import RadarEchoes, merge_cells
 from carlaloc_env.sensors.radar_targets import RadarView
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WeatherParameters
@@ -65,6 +62,6 @@ class RadarSensor(Sensor):
     ) -> list[RadarScan]:
         motion = timeline.ego_motion([stamp_ns]).at_mount(self._T_base_radar)
         scenery, actors, mirrors = self._view.echoes(timeline, stamp_ns, motion)
-        cells = merge_cells(join([scenery, actors]), self._detector.cell)
+        cells = merge_cells(RadarEchoes.joined([scenery, actors]), self._detector.cell)
         ghosts = merge_cells(mirrors, self._detector.cell)
         return [self._detector.detections(cells, ghosts, motion, stamp_ns, weather) for weather in weathers]

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.parallel_arrays import ParallelArrays
 
 RAIN_77_GHZ = (1.13, 0.718)
 """k and α of γ = k·R^α [dB/km], R in mm/h, at 77 GHz; ITU-R P.838-3, between its rows of 70 and 80 GHz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RadarEchoes:
+class RadarEchoes(ParallelArrays):
     """Scatterers in the radar's view, N of them."""
 
     range_m: Array
@@ -38,17 +39,6 @@ class RadarEchoes:
 
     def __len__(self) -> int:
         return len(self.range_m)
-
-    def take(self, rows: NDArray[np.intp]) -> RadarEchoes:
-        """Some of the echoes."""
-        return RadarEchoes(**{name: getattr(self, name)[rows] for name in self.__slots__})
-
-
-def join(parts: list[RadarEchoes]) -> RadarEchoes:
-    """All echoes of several groups, in their order."""
-    return RadarEchoes(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in RadarEchoes.__slots__}
-    )
 
 
 def snr_at(pd: float, pfa: float) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.array_types import F32
+from carlaloc_env.core.parallel_arrays import ParallelArrays
 from carlaloc_env.core.transforms import wrap_angle
 
 LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, LIGHT_LOW_BEAM, LIGHT_REVERSE = 1, 2, 4, 8, 16
@@ -74,7 +75,7 @@ def came_in_elsewhere(change_m: ArrayLike, turn_rad: ArrayLike) -> NDArray[np.bo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ActorFrame:
+class ActorFrame(ParallelArrays):
     """State of all N actors at one instant, float32 so that live and recorded values are equal."""
 
     position_m: F32
@@ -102,10 +103,6 @@ class ActorFrame:
     def __len__(self) -> int:
         return len(self.heading_rad)
 
-    def take(self, index: NDArray[np.intp]) -> ActorFrame:
-        """State of some of the actors."""
-        return ActorFrame(**{name: getattr(self, name)[index] for name in self.__slots__})
-
 
 def empty_frame() -> ActorFrame:
     """State without actors."""
@@ -127,9 +124,3 @@ def joined_catalogs(first: ActorCatalog, second: ActorCatalog) -> ActorCatalog:
     return ActorCatalog(
         model=first.model + second.model, **{n: np.concatenate(pair) for n, pair in arrays.items()}
     )
-
-
-def joined_frames(first: ActorFrame, second: ActorFrame) -> ActorFrame:
-    """Actors of one frame, then those of another."""
-    values = {name: (getattr(first, name), getattr(second, name)) for name in ActorFrame.__slots__}
-    return ActorFrame(**{name: np.concatenate(pair) for name, pair in values.items()})

@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.parallel_arrays import ParallelArrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
+class Motion(ParallelArrays):
     """Motion of a frame at M instants; world axes are ENU, `body` axes those of the frame."""
 
     stamp_ns: NDArray[np.int64]
@@ -65,7 +66,3 @@ class Motion:
             omega_body_radps=transforms.apply(rotate, self.omega_body_radps),
             alpha_body_radps2=transforms.apply(rotate, self.alpha_body_radps2),
         )
-
-    def row(self, index: int) -> Motion:
-        """Motion at one of the instants, M = 1."""
-        return Motion(**{name: getattr(self, name)[index : index + 1] for name in self.__slots__})

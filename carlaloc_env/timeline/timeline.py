@@ -19,7 +19,6 @@ from carlaloc_env.timeline.actors import (
     ActorFrame,
     came_in_elsewhere,
     joined_catalogs,
-    joined_frames,
 )
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
@@ -126,7 +125,7 @@ class Timeline:
             if np.array_equal(kept.stamp_ns, stamps):
                 return kept
             if len(stamps) == 1 and len(row := np.flatnonzero(kept.stamp_ns == stamps[0])):
-                return kept.row(int(row[0]))
+                return kept.take(row[:1])
         motion = self.ego.motion(stamps)
         self._motions.append(motion)
         return motion
@@ -136,7 +135,7 @@ class Timeline:
         traffic = self.traffic_at(stamp_ns)
         if self._cars is None:
             return traffic
-        return joined_frames(traffic, self._cars.frame_at(stamp_ns).take(self._others))
+        return ActorFrame.joined([traffic, self._cars.frame_at(stamp_ns).take(self._others)])
 
     def traffic_at(self, stamp_ns: int) -> ActorFrame:
         """State of the traffic alone at one time [ns]."""

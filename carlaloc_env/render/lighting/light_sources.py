@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.parallel_arrays import ParallelArrays
 
 LAMP_CD = 260.0
 """Intensity of a street lamp straight down [cd]: 3 klm in a full cut-off beam, an old dim street."""
@@ -25,7 +26,7 @@ MOST_BEAMS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lights:
+class Lights(ParallelArrays):
     """Lamps in the world, parallel arrays of N."""
 
     position_m: Array
@@ -49,17 +50,6 @@ class Lights:
 
     def __len__(self) -> int:
         return len(self.position_m)
-
-    def take(self, which: NDArray[np.intp]) -> Lights:
-        """Some of the lights."""
-        return Lights(**{name: getattr(self, name)[which] for name in self.__slots__})
-
-
-def concatenate_lights(parts: list[Lights]) -> Lights:
-    """All lights of several groups, in order."""
-    return Lights(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Lights.__slots__}
-    )
 
 
 def street_lamps(lamps_m: Array) -> Lights:

@@ -9,12 +9,7 @@ from numpy.typing import NDArray
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.render.lighting.fixed_exposure import READ_NOISE_E, electrons
 from carlaloc_env.render.lighting.light_grid import LIGHT_CUTOFF, Fog, LightGrid, light_grid
-from carlaloc_env.render.lighting.light_sources import (
-    Lights,
-    concatenate_lights,
-    nearest,
-    street_lamps,
-)
+from carlaloc_env.render.lighting.light_sources import Lights, nearest, street_lamps
 from carlaloc_env.render.lighting.light_table import LIST_COLUMNS, TEXELS, fog_lights, surface_lights
 from carlaloc_env.render.lighting.light_tiles import (
     DepthRange,
@@ -45,7 +40,7 @@ class Night:
 
     def lights(self, gbuffer: GBuffer) -> Lights:
         """The lights round a camera that matter most."""
-        lights = concatenate_lights([self._street, self._emitters.lights(gbuffer.actors)])
+        lights = Lights.joined([self._street, self._emitters.lights(gbuffer.actors)])
         return nearest(lights, gbuffer.view.position_m)
 
     def prepare(self, scene: Scene, depths: DepthRange, *, noisy: bool) -> LightGrid:

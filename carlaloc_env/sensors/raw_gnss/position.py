@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geodesy import ecef_to_geodetic, local_axes
+from carlaloc_env.core.parallel_arrays import ParallelArrays
 from carlaloc_env.sensors.gnss_satellites import EARTH_RATE_RADPS, inverse_of
 from carlaloc_env.sensors.raw_gnss.atmosphere import L1_HZ, klobuchar_m, saastamoinen_m
 from carlaloc_env.sensors.raw_gnss.config import RangeErrors
@@ -33,7 +34,7 @@ _NO_IONOSPHERE_M, _NO_TROPOSPHERE_M = 5.0, 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ranges:
+class Ranges(ParallelArrays):
     """Measurements of one signal of each of N satellites."""
 
     row: NDArray[np.intp]
@@ -46,10 +47,6 @@ class Ranges:
     """Doppler shifts [Hz], shape (N,)."""
     sigma_m: Array
     """Standard deviations of the pseudoranges' noise [m], shape (N,)."""
-
-    def take(self, rows: NDArray[np.intp]) -> Ranges:
-        """Some of the measurements."""
-        return Ranges(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, coarse
 from carlaloc_env.render.geometry.static_scene import _cells
 from carlaloc_env.render.lighting import shadow_maps
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, concatenate_instances, make_mesh
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.presets import PRESETS
 
@@ -103,7 +103,7 @@ def test_shadows_that_are_left_out_would_not_be_seen(weather: str, monkeypatch: 
     library = ModelLibrary({"box": Scenery.box((-0.9, -0.9, 0.0), (0.9, 0.9, 1.8))})
     places = np.random.default_rng(4).uniform((-25.0, -25.0, 0.0), (25.0, 25.0, 0.0), (60, 3))
     places[:, 0] += 40.0
-    boxes = concatenate_instances(
+    boxes = Instances.joined(
         [standing(transforms.from_rotation(np.eye(3), place), instance=0, tint=255) for place in places]
     )
     pose = transforms.from_rotation(transforms.R_FLU_OPTICAL, (40.0, 0.0, 1.6))

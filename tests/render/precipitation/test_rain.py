@@ -14,8 +14,8 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.lighting.light_sources import (
     LAMP_LEAST_M,
     NO_LIGHTS,
+    Lights,
     batwing_gain,
-    concatenate_lights,
     range_window,
     street_lamps,
 )
@@ -136,7 +136,7 @@ def test_drops_get_the_light_that_each_lamp_gives_and_scatters() -> None:
         left=np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]),
         beam=np.ones(2, bool),
     )
-    lights = concatenate_lights([lamps, headlamps])
+    lights = Lights.joined([lamps, headlamps])
     expected = np.zeros((len(drops), 3))
     for k in range(len(lights)):
         way = drops.end_m - (lights.position_m[k] - eye)
