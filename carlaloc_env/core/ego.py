@@ -15,6 +15,8 @@ EGO_REAR_M = -0.95
 """Where the ego's body begins along x of `base_link` [m]."""
 EGO_FRONT_M = EGO_REAR_M + EGO_SIZE_M[0]
 """Where the ego's front bumper ends along x of `base_link` [m]."""
+EGO_CENTRE_M = EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
+"""Where the middle of the ego's body lies along x of `base_link` [m]."""
 EGO_WHEELBASE_M = 2.875
 """Distance between the ego's axles [m]."""
 EGO_TRACK_M = 1.58

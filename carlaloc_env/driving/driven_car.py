@@ -6,7 +6,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S, stamp_ns
-from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M, Controls
+from carlaloc_env.core.ego import EGO_CENTRE_M, Controls
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.on_route import OnRoute
@@ -113,10 +113,9 @@ def ego_view(position_m: Array, heading_rad: float, speed_mps: float) -> EgoView
         speed_mps: Forward speed [m/s].
     """
     x, y, z = (float(value) for value in position_m)
-    ahead = EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
     north, east = sin_cos(heading_rad)
     return EgoView(
-        position_m=(x + ahead * east, y + ahead * north, z),
+        position_m=(x + EGO_CENTRE_M * east, y + EGO_CENTRE_M * north, z),
         heading_rad=heading_rad,
         speed_mps=speed_mps,
     )

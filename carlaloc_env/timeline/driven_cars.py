@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego import EGO_REAR_M, EGO_ROLLING_RADIUS_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_CENTRE_M, EGO_ROLLING_RADIUS_M, EGO_SIZE_M
 from carlaloc_env.core.elementary_kernels import arctan2
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.core.transforms import from_rotation, quat_rotate
@@ -26,9 +26,8 @@ MODEL = "electric_saloon"
 """Model family of such cars in `assets`."""
 _TINTS = ((90, 6, 8), (8, 24, 88), (225, 150, 12), (12, 70, 34), (200, 200, 196), (92, 40, 96), (150, 60, 6))
 """Linear paint colours of the cars, over and over."""
-CENTRE_M = EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
-"""How far ahead of `base_link` the middle of the body's box lies, where an actor's position is [m]."""
-_T_BASE_BOX = from_rotation(np.eye(3), (CENTRE_M, 0.0, 0.0))
+_T_BASE_BOX = from_rotation(np.eye(3), (EGO_CENTRE_M, 0.0, 0.0))
+"""The middle of the body's box, where an actor's position is."""
 _GONE_M = (0.0, 0.0, -1000.0)
 """Place of cars that have left the drive."""
 _KEPT_FRAMES = 3
@@ -128,9 +127,9 @@ def _put_columns(position_m: Array, quat_xyzw: Array, velocity_mps: Array, out: 
         x, y, z, w = quat_xyzw[m, 0], quat_xyzw[m, 1], quat_xyzw[m, 2], quat_xyzw[m, 3]
         ahead_x, ahead_y = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
         ahead_z = 2.0 * (x * z - w * y)
-        out[m, 0] = position_m[m, 0] + CENTRE_M * ahead_x
-        out[m, 1] = position_m[m, 1] + CENTRE_M * ahead_y
-        out[m, 2] = position_m[m, 2] + CENTRE_M * ahead_z
+        out[m, 0] = position_m[m, 0] + EGO_CENTRE_M * ahead_x
+        out[m, 1] = position_m[m, 1] + EGO_CENTRE_M * ahead_y
+        out[m, 2] = position_m[m, 2] + EGO_CENTRE_M * ahead_z
         out[m, 3] = arctan2(ahead_y, ahead_x)
         out[m, 4] = arctan2(ahead_z, sqrt(ahead_x * ahead_x + ahead_y * ahead_y))
         out[m, 5] = arctan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))

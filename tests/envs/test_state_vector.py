@@ -131,7 +131,7 @@ def test_a_gap_is_exact_between_samples(closed: bool) -> None:
             route, np.zeros(400), row, ego_m - row * step_m, step_m, closed,
             np.array([[ego_m + away_m, 0.3, 0.0]], np.float32), np.zeros(1, np.float32),
             np.full(1, 4.0, np.float32), np.array([[length_m, 1.8]]), SIGHT_M,
-            Ego(x=ego_m, y=0.0, z=0.0, cos=1.0, sin=0.0, speed_mps=9.0, centre_m=1.4),
+            Ego(x=ego_m, y=0.0, z=0.0, cos=1.0, sin=0.0, speed_mps=9.0),
         )  # fmt: skip
         assert gap_m == pytest.approx(away_m - 0.5 * length_m - EGO_FRONT_M, abs=1e-4)
         assert speed_mps == 4.0

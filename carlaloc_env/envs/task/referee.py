@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_CENTRE_M, EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.envs.task.task_config import TaskConfig
 from carlaloc_env.envs.task.task_world import TaskWorld
 from carlaloc_env.physics.contacts import Contact
@@ -126,9 +126,8 @@ class Referee:
         if abs(world.route_offset_m) < _IN_LANE_M:
             return True
         state = world.state
-        ahead = EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
-        x = state.position_m[0] + ahead * np.cos(state.heading_rad)
-        y = state.position_m[1] + ahead * np.sin(state.heading_rad)
+        x = state.position_m[0] + EGO_CENTRE_M * np.cos(state.heading_rad)
+        y = state.position_m[1] + EGO_CENTRE_M * np.sin(state.heading_rad)
         # In space: below a bridge, its lanes are far.
         nearest = world.town.network.nearest([(x, y, state.position_m[2])])
         half = 0.5 * float(world.town.network.width_m(nearest.lane, nearest.station_m)[0])

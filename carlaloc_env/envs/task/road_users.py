@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.ego import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_CENTRE_M, EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.envs.task.task_world import CarState
 
@@ -36,15 +36,13 @@ class Ego(NamedTuple):
     """Sine of the heading."""
     speed_mps: float
     """Forward speed [m/s]."""
-    centre_m: float
-    """Distance of the body's centre ahead of `base_link` [m]."""
 
 
 def ego_of(state: CarState) -> Ego:
     """The car in a state."""
     x, y, z = state.position_m.tolist()
     cos, sin = float(np.cos(state.heading_rad)), float(np.sin(state.heading_rad))
-    return Ego(x, y, z, cos, sin, state.speed_mps, EGO_REAR_M + 0.5 * EGO_SIZE_M[0])
+    return Ego(x, y, z, cos, sin, state.speed_mps)
 
 
 @compiled
@@ -70,7 +68,7 @@ def put_neighbours(
         distance_m: Room for K distances.
         out: K rows of `COLUMNS`; rows without a road user become 0.
     """
-    x, y = ego.x + ego.cos * ego.centre_m, ego.y + ego.sin * ego.centre_m
+    x, y = ego.x + ego.cos * EGO_CENTRE_M, ego.y + ego.sin * EGO_CENTRE_M
     out[:] = 0.0
     count = 0
     for n in range(len(heading_rad)):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.ego import EGO_CENTRE_M
 from carlaloc_env.core.elementary import arctan2
 from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.base import Piece, png_of
@@ -102,7 +102,7 @@ class Opv2vWriter(PerceptionWriter):
     ) -> None:
         super().__init__(target, encoder, ground=ground, about=about)
         self._agent = agent
-        ahead_m = EGO_REAR_M + 0.5 * EGO_SIZE_M[0] if agent >= 0 else 0.0
+        ahead_m = EGO_CENTRE_M if agent >= 0 else 0.0
         self._T_base_middle = transforms.from_rotation(np.eye(3), (ahead_m, 0.0, 0.0))
         self._frame = -1
         self._table: dict[str, Any] = {}
