@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any, NamedTuple
 
@@ -216,9 +216,7 @@ def _between(route: Route, start: float, end: float) -> Route:
     last = end * route.length_m / route.step_m
     rows = np.arange(round(start * route.length_m / route.step_m), round(last) + 1)
     rows = rows % count if route.closed else rows[rows < count]
-    columns = {item.name: getattr(route, item.name) for item in fields(route)}
-    taken: Any = {name: values[rows] for name, values in columns.items() if isinstance(values, np.ndarray)}
-    return replace(route, **taken, length_m=(len(rows) - 1) * route.step_m, closed=False)
+    return replace(route.taking(rows, (len(rows) - 1) * route.step_m), closed=False)
 
 
 def _from(route: Route, s_m: float) -> Route:
@@ -226,10 +224,7 @@ def _from(route: Route, s_m: float) -> Route:
     row = route.row_at(s_m)
     if route.closed:
         return route.starting_at(route.position_m[row, :2])
-    row = min(row, len(route.position_m) - 2)
-    columns = {item.name: getattr(route, item.name) for item in fields(route)}
-    rest: Any = {name: rows[row:] for name, rows in columns.items() if isinstance(rows, np.ndarray)}
-    return replace(route, **rest, length_m=route.length_m - row * route.step_m)
+    return route.starting_with(min(row, len(route.position_m) - 2))
 
 
 def _whole_route(start: EpisodeStart, town: Town, rng: np.random.Generator) -> tuple[Route, Sequence[Point]]:

@@ -110,15 +110,19 @@ class Route:
             raise MapError("only a loop can start anywhere; set loop = true or move the first route point")
         apart = self.position_m[:, :2] - np.asarray(position_m, dtype=np.float64)[:2]
         first = int(np.argmin(np.sum(apart**2, axis=1)))
-        return self._taking(np.roll(np.arange(len(self.position_m)), -first), self.length_m)
+        return self.taking(np.roll(np.arange(len(self.position_m)), -first), self.length_m)
 
     def cut_start(self, length_m: float) -> Route:
         """The last `length_m` metres of an open route, to the nearest sample."""
         first = max(len(self.position_m) - 1 - round(length_m / self.step_m), 0)
-        return self._taking(np.arange(first, len(self.position_m)), self.length_m - first * self.step_m)
+        return self.starting_with(first)
 
-    def _taking(self, rows: Index, length_m: float) -> Route:
-        """A route of some of the samples, in their new order."""
+    def starting_with(self, row: int) -> Route:
+        """The rest of an open route from one of its samples on."""
+        return self.taking(np.arange(row, len(self.position_m)), self.length_m - row * self.step_m)
+
+    def taking(self, rows: Index, length_m: float) -> Route:
+        """A route of some of the samples, in their new order, and its length [m]."""
         samples = {name: getattr(self, name) for name in _SAMPLES}
         taken = {name: value[rows] for name, value in samples.items() if value is not None}
         return replace(self, length_m=length_m, **taken)
