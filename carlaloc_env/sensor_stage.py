@@ -32,11 +32,17 @@ class SensorStage:
     def __init__(
         self, town: Town, *, seed: int, weather: Weather, quality: str = "medium", ego_body: bool = True
     ) -> None:
-        self._geo, self._lenses, self._lamps_m = town.roads.geo, town.outline.lenses, town.outline.lamps_m
-        self._roughness = None if town.roughness is None else town.roughness.table
+        self.geo: GeoReference = town.roads.geo
+        """Where the world's origin lies on the Earth."""
+        self.lenses: SignalLenses = town.outline.lenses
+        """Lens discs of the traffic lights."""
+        self.roughness: RoughTable | None = None if town.roughness is None else town.roughness.table
+        """Waves and events of the roads that their meshes lack; None: there are none."""
+        self._lamps_m = town.outline.lamps_m
         self._middles_m = town.network.driven_middles_m
         self._look: Callable[[], tuple[Mesh, ...]] | None = town.scenery
-        self._seed = seed
+        self.seed = seed
+        """Seed of all noise."""
         self.weather = weather
         self._quality, self._ego_body = quality, ego_body
         self._renderer: SceneRenderer | None = None
@@ -48,35 +54,11 @@ class SensorStage:
         look = None if self._look is None else partial(tuple, self._look())
         return self.__dict__ | {"_look": look}
 
-    @property
-    def seed(self) -> int:
-        """Seed of all noise."""
-        return self._seed
-
-    @seed.setter
-    def seed(self, value: int) -> None:
-        self._seed = value
-
-    @property
-    def geo(self) -> GeoReference:
-        """Where the world's origin lies on the Earth."""
-        return self._geo
-
     @cached_property
     def library(self) -> ModelLibrary:
         """Movable models; without the ego's own body where the sensors stand by the road."""
         library = build_library()
         return library if self._ego_body else library.without("ego")
-
-    @property
-    def lenses(self) -> SignalLenses:
-        """Lens discs of the traffic lights."""
-        return self._lenses
-
-    @property
-    def roughness(self) -> RoughTable | None:
-        """Waves and events of the roads that their meshes lack; None: there are none."""
-        return self._roughness
 
     def wheel_tracks(self) -> WheelTracks:
         """Map of the lanes' wheel tracks, made when first asked for."""

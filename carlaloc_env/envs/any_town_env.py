@@ -61,7 +61,8 @@ class AnyTownEnv(BaseEnv):
             raise ConfigError(f"kept_towns is {kept_towns}; give 1 or more")
         self._settings, self._kept_towns = settings, kept_towns
         self._towns: OrderedDict[str, CarlaLocEnv] = OrderedDict()
-        self._now = first = self._town(str(towns[0]))
+        self.now = first = self._town(str(towns[0]))
+        """Environment of the town of this episode."""
         self.render_mode, self.metadata = first.render_mode, first.metadata
         self.observation_space, self.action_space = first.observation_space, first.action_space
 
@@ -80,19 +81,19 @@ class AnyTownEnv(BaseEnv):
             ClosedError: the environment has been closed.
         """
         self._begin(seed)
-        self._now.check_drawing()
+        self.now.check_drawing()
         drawn = self._draw(options or {})
-        self._now = self._town(str(drawn.pop("town")))
-        self._now.listener = self.listener
-        return self._now.reset(seed=int(self.np_random.integers(2**31)), options=drawn)
+        self.now = self._town(str(drawn.pop("town")))
+        self.now.listener = self.listener
+        return self.now.reset(seed=int(self.np_random.integers(2**31)), options=drawn)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """As `CarlaLocEnv.step`."""
-        return self._now.step(action)
+        return self.now.step(action)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """As `CarlaLocEnv.render`."""
-        return self._now.render()
+        return self.now.render()
 
     def close(self) -> None:
         """Give everything back; may be called twice."""
@@ -100,11 +101,6 @@ class AnyTownEnv(BaseEnv):
         for env in self._towns.values():
             env.close()
         self._towns.clear()
-
-    @property
-    def now(self) -> CarlaLocEnv:
-        """Environment of the town of this episode."""
-        return self._now
 
     def _draw(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Drawn values, replaced by given ones."""

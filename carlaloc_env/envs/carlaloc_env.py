@@ -121,4 +121,4 @@ class CarlaLocEnv(TaskEnv):
         """A new world: where cars are parked, they are part of the town."""
         self.world = DrivingWorld(self._town, traffic)
         self.stage = SensorStage(self.world.town, seed=0, weather=self.weather, quality=self._quality)
-        self._view = agent_view(self._rig, self.world, self.stage)
+        self._view = agent_view(self.rig, self.world, self.stage)

@@ -1,7 +1,7 @@
 """Window that shows pictures as they come, for `render_mode` human, and the driver's view in it."""
 
 import os
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +16,6 @@ from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather
 
 _T_BASE_SEAT = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.03, 0.0)) @ R_FLU_OPTICAL, (1.8, 0.0, 1.65))
-
-
-class SeenWorld(Protocol):
-    """A drive at an instant."""
-
-    @property
-    def timeline(self) -> Timeline:
-        """Ego, others and lights over time."""
-
-    @property
-    def now_ns(self) -> int:
-        """Present time [ns]."""
 
 
 class HumanWindow:
@@ -69,14 +57,15 @@ class HumanWindow:
         self._pygame.display.quit()
 
 
-def view_from_seat(stage: SensorStage, world: SeenWorld, weather: Weather) -> NDArray[np.uint8]:
-    """A picture from the driver's seat now, sRGB, shape (360, 640, 3).
+def view_from_seat(
+    stage: SensorStage, timeline: Timeline, stamp_ns: int, weather: Weather
+) -> NDArray[np.uint8]:
+    """A picture from the driver's seat at a time, sRGB, shape (360, 640, 3).
 
     Raises:
         RenderError: OpenGL is missing on this machine.
     """
-    renderer, now = stage.renderer(), world.now_ns
-    snapshot = Snapshot.of(world.timeline, now)
+    renderer, snapshot = stage.renderer(), Snapshot.of(timeline, stamp_ns)
     instances = instances_at(stage.library, stage.lenses, snapshot)
     picture = renderer.draw(Pinhole.from_fov(640, 360, 90.0), snapshot.T_world_base @ _T_BASE_SEAT, instances)
-    return renderer.shade(picture, weather.at(now), stamp_ns=now, seed=stage.seed)
+    return renderer.shade(picture, weather.at(stamp_ns), stamp_ns=stamp_ns, seed=stage.seed)

@@ -79,8 +79,9 @@ class TaskEnv(BaseEnv):
         self._actions = action_kind(action)
         self.action_space = self._actions.space
         self._quality = check_quality(quality)
-        self._rig = rig_of(rig, quality)
-        self._info_parts = _info_parts(info, of_sensors=isinstance(self._rig, SensorRig))
+        self.rig = rig_of(rig, quality)
+        """The rig, or ``state`` or ``bev``."""
+        self._info_parts = _info_parts(info, of_sensors=isinstance(self.rig, SensorRig))
         self._referee: Referee | None = None
         self._episode: dict[str, Any] = {}
         self._window: HumanWindow | None = None
@@ -140,7 +141,7 @@ class TaskEnv(BaseEnv):
             return None
         if self._referee is None:
             raise ActionError("render before reset; call reset() first")
-        return view_from_seat(self.stage, self.world, self.weather)
+        return view_from_seat(self.stage, self.world.timeline, self.world.now_ns, self.weather)
 
     def close(self) -> None:
         """Give window and GPU memory back; may be called twice."""
@@ -156,13 +157,8 @@ class TaskEnv(BaseEnv):
         Raises:
             RenderError: see `check_opengl`.
         """
-        if isinstance(self._rig, SensorRig) and self._rig.of_kind("camera"):
+        if isinstance(self.rig, SensorRig) and self.rig.of_kind("camera"):
             check_opengl()
-
-    @property
-    def rig(self) -> SensorRig | str:
-        """The rig, or ``state`` or ``bev``."""
-        return self._rig
 
     def _show(self) -> None:
         """Show what the driver sees, in `render_mode` human."""
@@ -170,7 +166,7 @@ class TaskEnv(BaseEnv):
             return
         if self._window is None:
             self._window = HumanWindow((640, 360), self.metadata["render_fps"])
-        self._window.show(view_from_seat(self.stage, self.world, self.weather))
+        self._window.show(view_from_seat(self.stage, self.world.timeline, self.world.now_ns, self.weather))
 
     def _info(self, verdict: Verdict, contacts: list[Contact], samples: list[Sample]) -> dict[str, Any]:
         world = self.world

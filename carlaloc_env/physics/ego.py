@@ -183,7 +183,8 @@ class EgoCar:
 
     def __init__(self, world: PhysicsWorld, params: VehicleParams | None = None) -> None:
         self._world = world
-        self._params = p = params if params is not None else VehicleParams()
+        self.params = p = params if params is not None else VehicleParams()
+        """Numbers of the car."""
         self._offset = (-p.cog_x_m, 0.0, -p.cog_z_m)
         rough = no_roughness() if world.roughness is None else world.roughness.table
         self._tables = car_tables(p)
@@ -199,11 +200,6 @@ class EgoCar:
         self._base = base_motion(self._tables.car, self._pose, self._twist)
         self._speed_before_mps = 0.0
         self._controls: Controls | None = None
-
-    @property
-    def params(self) -> VehicleParams:
-        """Numbers of the car."""
-        return self._params
 
     def reset(self, position_m: ArrayLike, heading_rad: float) -> EgoState:
         """Put the car on the road and let it settle on its springs, handbrake on.
@@ -309,7 +305,7 @@ class EgoCar:
         self._base = self._base_motion(self._tables.car, self._pose, self._twist)
 
     def _renew_body(self, com_m: Array, quat_xyzw: Array) -> None:
-        p = self._params
+        p = self.params
         low, high = np.array(p.body_min_m), np.array(p.body_max_m)
         self.remove()
         self.body = self._world.add_car(
@@ -324,7 +320,7 @@ class EgoCar:
 
     def _place_on_road(self, wanted_m: Array, heading_rad: float) -> tuple[Array, Array]:
         """Pose of `base_link` whose four wheels touch the road."""
-        p = self._params
+        p = self.params
         s, c = sin_cos(heading_rad)
         base_points = [(w["x"] + p.cog_x_m, w["y"]) for w in self._wheels]
         ground = [(wanted_m[0] + c * x - s * y, wanted_m[1] + s * x + c * y) for x, y in base_points]

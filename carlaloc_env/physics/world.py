@@ -57,9 +57,10 @@ class PhysicsWorld:
         self.set_friction(friction)
         self.roughness = roughness
         """What wheels feel beyond the mesh."""
-        self._client: int = pybullet.connect(pybullet.DIRECT)
+        self.client: int = pybullet.connect(pybullet.DIRECT)
+        """PyBullet's id of this world."""
         # Also for a world that is dropped without being closed: PyBullet keeps it else.
-        self._disconnect = weakref.finalize(self, pybullet.disconnect, physicsClientId=self._client)
+        self._disconnect = weakref.finalize(self, pybullet.disconnect, physicsClientId=self.client)
         self._disconnect.atexit = False
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=TICK_S,
@@ -67,28 +68,18 @@ class PhysicsWorld:
             numSolverIterations=50,
             contactERP=_CONTACT_ERP,
             deterministicOverlappingPairs=1,
-            physicsClientId=self._client,
+            physicsClientId=self.client,
         )
-        pybullet.setGravity(0.0, 0.0, -GRAVITY_MPS2, physicsClientId=self._client)
+        pybullet.setGravity(0.0, 0.0, -GRAVITY_MPS2, physicsClientId=self.client)
         self.ground = kept_ground(vertices, triangles)
         """The mesh as wheels feel for it; PyBullet has it for the body."""
         for part in _mesh_parts(vertices, triangles):
             self._add_static(vertices, part)
-        self._actors = ActorPool(self._client, GROUP_ACTOR, GROUP_EGO)
+        self._actors = ActorPool(self.client, GROUP_ACTOR, GROUP_EGO)
         self._contacts: dict[int, ContactLog] = {}
         self._car_ids: dict[int, int | None] = {}
         # PyBullet keeps shapes when their body is removed: one for each box.
         self._ego_shapes: dict[tuple[float, ...], int] = {}
-
-    @property
-    def client(self) -> int:
-        """PyBullet's id of this world."""
-        return self._client
-
-    @property
-    def friction(self) -> float:
-        """Factor on the tyre friction, 1 = dry asphalt."""
-        return self._friction
 
     def set_friction(self, mu_factor: float) -> None:
         """Make the road slippery: 1 dry, 0.75 wet, 0.4 standing water, 0.3 snow, 0.1 ice.
@@ -98,7 +89,8 @@ class PhysicsWorld:
         """
         if not 0.0 < mu_factor <= 1.5:
             raise ConfigError(f"friction factor is {mu_factor}; give a number above 0, at most 1.5 (1 = dry)")
-        self._friction = float(mu_factor)
+        self.friction = float(mu_factor)
+        """Factor on the tyre friction, 1 = dry asphalt."""
 
     def set_actors(
         self, frame: ActorFrame, catalog: ActorCatalog, following: ActorFrame | None = None, *, ticks: int = 0
@@ -114,8 +106,7 @@ class PhysicsWorld:
         if not self._contacts or len(frame) == 0:
             return
         poses = [
-            pybullet.getBasePositionAndOrientation(car, physicsClientId=self._client)
-            for car in self._contacts
+            pybullet.getBasePositionAndOrientation(car, physicsClientId=self.client) for car in self._contacts
         ]
         self._actors.update(frame, catalog, np.array([centre_m for centre_m, _ in poses]), following, ticks)
 
@@ -127,7 +118,7 @@ class PhysicsWorld:
         """Take the body of a car out of the world, if it is there."""
         self._actors.clear()
         if self._contacts.pop(car, None) is not None:
-            pybullet.removeBody(car, physicsClientId=self._client)
+            pybullet.removeBody(car, physicsClientId=self.client)
 
     def add_car(
         self,
@@ -154,7 +145,7 @@ class PhysicsWorld:
         Returns:
             PyBullet's id of the body.
         """
-        client = self._client
+        client = self.client
         box = (*half_extents_m, *box_centre_m)
         if box not in self._ego_shapes:
             self._ego_shapes[box] = pybullet.createCollisionShape(
@@ -186,9 +177,9 @@ class PhysicsWorld:
     def step(self) -> None:
         """Advance by one tick."""
         self._actors.advance()
-        pybullet.stepSimulation(physicsClientId=self._client)
+        pybullet.stepSimulation(physicsClientId=self.client)
         for car, log in self._contacts.items():
-            points = pybullet.getContactPoints(car, physicsClientId=self._client)
+            points = pybullet.getContactPoints(car, physicsClientId=self.client)
             if points:
                 log.add(points, self._actor_of)
 
@@ -221,16 +212,16 @@ class PhysicsWorld:
             vertices=corners,
             indices=indices,
             flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH | pybullet.GEOM_CONCAVE_INTERNAL_EDGE,
-            physicsClientId=self._client,
+            physicsClientId=self.client,
         )
         for kept in (corners, indices, vertex):
             kept.clear()
-        body = pybullet.createMultiBody(0.0, shape, physicsClientId=self._client)
+        body = pybullet.createMultiBody(0.0, shape, physicsClientId=self.client)
         pybullet.changeDynamics(
-            body, -1, lateralFriction=_BODY_FRICTION, restitution=0.0, physicsClientId=self._client
+            body, -1, lateralFriction=_BODY_FRICTION, restitution=0.0, physicsClientId=self.client
         )
         pybullet.setCollisionFilterGroupMask(
-            body, -1, GROUP_STATIC, GROUP_STATIC | GROUP_EGO, physicsClientId=self._client
+            body, -1, GROUP_STATIC, GROUP_STATIC | GROUP_EGO, physicsClientId=self.client
         )
 
 

@@ -96,7 +96,7 @@ class ReplayEnv(TaskEnv):
         self.world = RecordedWorld(drive, town_of(drive, map), traffic_level(str(traffic)))
         self._start_step = self._step_at(start_s)
         self.stage = SensorStage(self.world.town, seed=self._seed, weather=self.weather, quality=quality)
-        self._view = agent_view(self._rig, self.world, self.stage)
+        self._view = agent_view(self.rig, self.world, self.stage)
         self.observation_space = self._view.space
         self._given: list[NDArray[np.float64]] = []
 

@@ -53,7 +53,7 @@ def test_a_specification_goes_to_json_and_back(straight_map: Path, others: dict[
     one, other = env.unwrapped, again.unwrapped
     assert isinstance(one, CarlaLocEnv)
     assert isinstance(other, CarlaLocEnv)
-    assert (one.task, one.weather, one._rig) == (other.task, other.weather, other._rig)
+    assert (one.task, one.weather, one.rig) == (other.task, other.weather, other.rig)
     told = []
     for made in (one, other):
         length_m = made.reset(seed=1)[1]["route_length_m"]

@@ -292,7 +292,7 @@ def test_any_town_draws_by_the_seed(straight_map: Path, tmp_path: Path) -> None:
     told = []
     for seed in range(8):
         told.append(env.reset(seed=seed)[1])
-        now = env._now
+        now = env.now
         assert weather_of(told[-1]["weather"]) == now.weather
         assert told[-1]["traffic"] == ("static" if now.world.traffic_config.parked_cars else "empty")
         assert told[-1]["route"] == "town"
