@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,7 +16,7 @@ from carlaloc_env.core.array_types import GRAVITY_MPS2, Array
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.samples import Imu, Sample
-from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
+from carlaloc_env.sensors.base import Sensor, SensorConfig, World
 from carlaloc_env.sensors.stochastic_processes import Flicker, RandomWalk, WhiteSequence
 from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.timeline import Timeline
@@ -109,8 +109,6 @@ class ImuConfig(SensorConfig):
 
     name: str = "imu"
     """Name of the sensor, its stream and its frame."""
-    mount: Mount = field(default_factory=Mount)
-    """Where it sits on the car."""
     rate_hz: float = 200.0
     """Measurements per second [Hz]."""
     accel_noise_density: float = 2e-3

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.sensors.lidar_patterns import FanPattern, WedgePattern
 from carlaloc_env.sensors.lidar_presets import HDL32E, PRESETS
 from carlaloc_env.sensors.limits import LIMITS
@@ -138,8 +138,6 @@ class LidarConfig(SensorConfig):
 
     name: str = "lidar"
     """Name of the sensor, its first stream and its frame."""
-    mount: Mount = field(default_factory=Mount)
-    """Where it sits on the car."""
     rate_hz: float = 20.0
     """Revolutions per second [Hz]."""
     elevations_deg: tuple[float, ...] = PAPER_ELEVATIONS_DEG
