@@ -79,12 +79,11 @@ class LaneLinks:
             return
         target = self._road[link.element_id]
         contact = link.contact or self._nearer_end(n, end, target)
-        k = 0 if end == "start" else len(road.sections) - 1
-        other = 0 if contact == "start" else len(self._xodr.roads[target].sections) - 1
-        for lane in road.sections[k].lanes:
+        own, other = self._section(n, end), self._section(target, contact)
+        for lane in road.sections[own[1]].lanes:
             for to in lane.predecessors if end == "start" else lane.successors:
                 if lane.id:
-                    self._join((n, k, lane.id), end, (target, other, to), contact, lane.line)
+                    self._join((*own, lane.id), end, (*other, to), contact, lane.line)
 
     def _follow_connection(self, junction: Junction, connection: Connection) -> None:
         incoming = self._road.get(connection.incoming_road)
@@ -94,11 +93,13 @@ class LaneLinks:
             message = f"connection of junction {junction.id} names road {name}, which does not exist"
             self._report("connection", connection.id, connection.line, message, "warning")
             return
+        touching = self._touching(incoming, junction.id)[::-1]
+        contacts: list[End] = ["start", "end"] if connection.contact is None else [connection.contact]
         for start, to in connection.lane_links:
             if not any(
                 self._link(a, end, b, contact)
-                for end, a in self._touching(incoming, start, junction.id)
-                for contact, b in self._contacts(connecting, to, connection.contact)
+                for end, a in self._lanes_at(incoming, start, touching)
+                for contact, b in self._lanes_at(connecting, to, contacts)
             ):
                 if not self._for_cars((incoming, -1, start), (connecting, -1, to)):
                     continue
@@ -122,12 +123,10 @@ class LaneLinks:
                 connecting = self._road.get(connection.connecting_road)
                 if incoming is None or connecting is None or connection.lane_links:
                     continue
-                road = self._xodr.roads[incoming]
-                for end, link in self._ends(road):
-                    if link and link.element_type == "junction" and link.element_id == junction.id:
-                        contact = connection.contact or self._nearer_end(incoming, end, connecting)
-                        a, b = self._section(incoming, end), self._section(connecting, contact)
-                        self._meet(a, end, b, contact, connection.line)
+                for end in self._touching(incoming, junction.id):
+                    contact = connection.contact or self._nearer_end(incoming, end, connecting)
+                    a, b = self._section(incoming, end), self._section(connecting, contact)
+                    self._meet(a, end, b, contact, connection.line)
 
     @staticmethod
     def _ends(road: Road) -> tuple[tuple[End, RoadLink | None], tuple[End, RoadLink | None]]:
@@ -166,24 +165,15 @@ class LaneLinks:
         numbers = np.array(lanes)
         return self._surface.lane_centre(numbers, s).position_m, self._edges.width(numbers, s)
 
-    def _touching(self, road: int, lane_id: int, junction_id: str) -> Iterator[tuple[End, int]]:
-        """The lane at those ends of a road that lie at the junction."""
-        r = self._xodr.roads[road]
-        ends: list[tuple[End, RoadLink | None, int]] = [
-            ("end", r.successor, len(r.sections) - 1),
-            ("start", r.predecessor, 0),
-        ]
-        for end, link, k in ends:
-            here = link is not None and link.element_type == "junction" and link.element_id == junction_id
-            lane = self._edges.index.get((road, k, lane_id))
-            if here and lane is not None:
-                yield end, lane
+    def _touching(self, road: int, junction_id: str) -> list[End]:
+        """Those ends of a road that lie at the junction."""
+        ends = self._ends(self._xodr.roads[road])
+        return [end for end, k in ends if k and k.element_type == "junction" and k.element_id == junction_id]
 
-    def _contacts(self, road: int, lane_id: int, contact: End | None) -> Iterator[tuple[End, int]]:
-        ends: tuple[End, ...] = ("start", "end") if contact is None else (contact,)
+    def _lanes_at(self, road: int, lane_id: int, ends: Sequence[End]) -> Iterator[tuple[End, int]]:
+        """The lane of that id at those ends of a road where there is one."""
         for end in ends:
-            k = 0 if end == "start" else len(self._xodr.roads[road].sections) - 1
-            lane = self._edges.index.get((road, k, lane_id))
+            lane = self._edges.index.get((*self._section(road, end), lane_id))
             if lane is not None:
                 yield end, lane
 
