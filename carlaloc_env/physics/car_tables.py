@@ -1,5 +1,6 @@
 """Wheels, car and drive as records that compiled functions read and write."""
 
+from dataclasses import fields
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -24,15 +25,7 @@ _STATE = (
 world [m], the tyre's shear [m] and forces [N], forces on the body [N] and where they act along z [m]."""
 WHEEL = np.dtype([(name, np.float64) for name in (*_FIXED, *_STATE)])
 """Record of one wheel; vectors in body axes about the centre of mass."""
-_OF_PARAMS = (
-    "mass_kg", "wheelbase_m", "track_m", "wheel_radius_m", "tyre_npm", "tyre_nspm", "bump_stop_m",
-    "rebound_stop_m", "stop_npm", "smoothing_m", "envelope_m", "brake_front", "slip_control", "mu_long",
-    "mu_lat", "mu_lat_fall", "load_ref_n", "rolling", "wheel_inertia_kgm2", "slip_stiffness", "cornering_n",
-    "cornering_load_n", "relaxation_long_m", "relaxation_lat_m", "standstill_nspm", "cog_x_m", "cog_z_m",
-    "drag_area_m2", "air_kgpm3", "power_w", "efficiency", "drive_force_n", "reverse_force_n",
-    "reverse_speed_mps", "drive_lag_s", "regeneration_mps2", "regeneration_fade_mps", "brake_mps2",
-    "brake_lag_s", "handbrake_nm", "steer_max_rad", "steering_ratio", "wheel_rate_radps",
-)  # fmt: skip
+_OF_PARAMS = tuple(field.name for field in fields(VehicleParams) if isinstance(field.default, float))
 CAR = np.dtype([(name, np.float64) for name in (*_OF_PARAMS, "sprung_kg", "bar_front", "bar_rear", "drop_m")])
 """Record of the car: numbers of `VehicleParams`, rates of the anti-roll bars, and how much lower the outer
 rays of a wheel's envelope meet a flat road [m]."""
