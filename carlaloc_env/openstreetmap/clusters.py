@@ -14,7 +14,8 @@ import shapely
 
 from carlaloc_env.authoring.geometry.plan_view_curves import wrap
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.openstreetmap.road_graph import Chain, stations_m
+from carlaloc_env.core.polylines import distance_along
+from carlaloc_env.openstreetmap.road_graph import Chain
 from carlaloc_env.openstreetmap.tags import Street
 
 LEAST_M = 4.0
@@ -66,7 +67,7 @@ class End:
 
     def at(self, s: float) -> tuple[float, float, float]:
         """Point [m] and heading [rad] away from the junction, at a distance along the line."""
-        steps = stations_m(self.line)
+        steps = distance_along(self.line)
         (x, p), (y, q) = (np.interp([s, s + 4.0], steps, values).tolist() for values in self.line.T)
         if math.hypot(p - x, q - y) < 0.5:
             (x0, y0), (p, q) = self.line[-2:]

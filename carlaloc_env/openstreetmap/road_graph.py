@@ -12,6 +12,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.polylines import distance_along
 from carlaloc_env.openstreetmap.elements import Way
 from carlaloc_env.openstreetmap.extract import Extract
 from carlaloc_env.openstreetmap.tags import Street, direction, for_cars, signed_nodes
@@ -33,11 +34,6 @@ PART_M = 30.0
 """Parts of a street with other numbers of lanes that are shorter are built like their neighbours [m]."""
 BLOCK_M = 45.0
 """Lit crossings so far from a junction and from each other have lights of their own [m]."""
-
-
-def stations_m(line: Array) -> Array:
-    """Distance of every point of a line (N, 2) from the first one [m], (N,)."""
-    return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
 
 
 @dataclass(slots=True)
@@ -69,7 +65,7 @@ class Chain:
     @property
     def stations_m(self) -> Array:
         """Distance of every node from the first one [m], (N,)."""
-        return stations_m(self.line)
+        return distance_along(self.line)
 
     @property
     def length_m(self) -> float:
