@@ -73,10 +73,11 @@ def fill_holes(shape: Area, largest_m2: float) -> Area:
     return areas_only(shapely.union_all(filled))
 
 
-def rings(shape: Area, step_m: float) -> list[Array]:
-    """Closed boundary lines (N, 2) with corners at most `step_m` apart; the area lies on their left."""
+def rings(shape: Area, step_m: float | None = None) -> list[Array]:
+    """Closed boundary lines (N, 2), the area on their left, with corners at most `step_m` apart if given."""
     lines = []
     for part in polygons_of(shapely.orient_polygons(shape)):
         for ring in [part.exterior, *part.interiors]:
-            lines.append(np.asarray(shapely.get_coordinates(shapely.segmentize(ring, step_m))))
+            line = ring if step_m is None else shapely.segmentize(ring, step_m)
+            lines.append(np.asarray(shapely.get_coordinates(line)))
     return lines

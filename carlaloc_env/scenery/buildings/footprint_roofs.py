@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.core import elementary
-from carlaloc_env.core.areas import Area, polygons_of
+from carlaloc_env.core.areas import Area, polygons_of, rings
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -16,6 +16,7 @@ from carlaloc_env.scenery.buildings.roofs import add_roof
 from carlaloc_env.scenery.buildings.shell import Shell
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.scenery.meshing.props import poses
+from carlaloc_env.scenery.meshing.triangulation import delaunay_triangles, twice_area
 
 PARAPET_M, PARAPET_DEPTH_M = 0.6, 0.25
 """Height and depth of the wall round a flat roof [m]."""
@@ -181,15 +182,6 @@ def _ring(shell: Shell, low: Area, high: Area, z_low: float, z_high: float) -> N
     _add(shell, points, material, tint)
 
 
-def rings(area: Area) -> list[Array]:
-    """Closed lines (N, 2) with the area on their left."""
-    return [
-        shapely.get_coordinates(ring)
-        for part in polygons_of(shapely.orient_polygons(area))
-        for ring in (part.exterior, *part.interiors)
-    ]
-
-
 def add_level(
     shell: Shell, area: Area, z: float, material: Material, tint: tuple[int, int, int], *, down: bool = False
 ) -> None:
@@ -212,13 +204,8 @@ def _add(shell: Shell, points: Array, material: Material, tint: tuple[int, int, 
 
 def _triangles(area: Area) -> Array:
     """Anticlockwise triangles (T, 3, 2) of an area."""
-    parts = polygons_of(area)
-    if not parts:
-        return np.zeros((0, 3, 2))
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(np.array(parts, dtype=object)))
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    a, b, c = (corners[:, k] for k in range(3))
-    area2 = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    corners = delaunay_triangles(polygons_of(area))
+    area2 = twice_area(corners)
     turned = np.where((area2 < 0)[:, None, None], corners[:, ::-1], corners)
     result: Array = turned[np.abs(area2) > 1e-6]
     return result

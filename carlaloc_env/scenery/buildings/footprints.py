@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.core import clock, elementary
-from carlaloc_env.core.areas import Area, polygons_of, without
+from carlaloc_env.core.areas import Area, polygons_of, rings, without
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh
@@ -22,7 +22,6 @@ from carlaloc_env.scenery.buildings.footprint_roofs import (
     add_footprint_roof,
     add_level,
     downhill,
-    rings,
     roof_rise,
     towards,
     upright,

@@ -99,20 +99,14 @@ class Levels:
         result: States = self.state[rows][at]
         return result
 
-    def ground_lines(self, strip: int) -> list[Array]:
-        """Outer edges of a strip where it lies on the ground, each (N, 3)."""
-        return self._lines(strip, State.GROUND)
-
-    def bank_lines(self, strip: int) -> list[Array]:
-        """Outer edges of a strip where it lies on an embankment, each (N, 3)."""
-        return self._lines(strip, State.BANK)
-
-    def _lines(self, strip: int, state: State) -> list[Array]:
-        rows = self.graph.rows(strip)
+    def edges(self, state: State) -> list[Array]:
+        """Outer edges of all strips where they have a state, each (N, 3)."""
         parts = []
-        for a, b in runs(self.state[rows] == state):
-            part = slice(rows.start + a, rows.start + b)
-            parts += [self.graph.left_m[part], self.graph.right_m[part]]
+        for strip in range(len(self.graph.prints)):
+            rows = self.graph.rows(strip)
+            for a, b in runs(self.state[rows] == state):
+                part = slice(rows.start + a, rows.start + b)
+                parts += [self.graph.left_m[part], self.graph.right_m[part]]
         return parts
 
 

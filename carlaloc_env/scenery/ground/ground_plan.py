@@ -136,9 +136,7 @@ def _ground(
     land_m: Array,
 ) -> Terrain:
     """Heights of the ground: along everything paved that lies on it, along cuts and shores, and between."""
-    count = len(levels.graph.prints)
-    lines = [line for strip in range(count) for line in levels.ground_lines(strip)]
-    banks = [line for strip in range(count) for line in levels.bank_lines(strip)]
+    lines, banks = levels.edges(State.GROUND), levels.edges(State.BANK)
     for stretch in levels.stretches:
         lines += [stretch.left_top_m, stretch.right_top_m]
     for junction in areas.junctions:

@@ -151,10 +151,13 @@ def add_terrain(
     _far_land(out, bounds, ground, seas)
     for area, level_m in seas:
         far = shapely.intersection(area, shapely.buffer(bounds, FAR_M, join_style="mitre"))
-        xy, triangles = triangulate(areas_only(shapely.difference(far, bounds)), FAR_CELL_M)
-        if len(xy):
-            points = np.column_stack([xy, np.full(len(xy), level_m)])
-            out.triangles(points, triangles, material=Material.WATER, tag=Tag.WATER)
+        beyond = areas_only(shapely.difference(far, bounds))
+        water_surface(out, beyond, FAR_CELL_M, level_m)
+
+
+def water_surface(out: MeshBuilder, area: Area, cell_m: float, level_m: float) -> None:
+    """A level surface of water."""
+    out.sheet(area, cell_m, lambda xy: np.full(len(xy), level_m), material=Material.WATER, tag=Tag.WATER)
 
 
 def _cover(out: MeshBuilder, area: Area, kind: str, ground: Terrain) -> None:

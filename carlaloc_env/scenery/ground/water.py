@@ -13,9 +13,8 @@ from carlaloc_env.core.polylines import right_of
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.grade_graph import grown, runs
-from carlaloc_env.scenery.ground.terrain import LAP_M, Terrain, Zones
+from carlaloc_env.scenery.ground.terrain import LAP_M, Terrain, Zones, water_surface
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, extrude
-from carlaloc_env.scenery.meshing.triangulation import triangulate
 
 BRIDGE_DROP_M = 2.7
 """Height of the lowest bridge over the water below it [m]."""
@@ -120,10 +119,7 @@ def add_water(
     shapely.prepare(bridged)
     shapely.prepare(lined)
     for water in waters:
-        xy, triangles = triangulate(water.area, _CELL_M)
-        if len(xy):
-            points = np.column_stack([xy, np.full(len(xy), water.level_m)])
-            out.triangles(points, triangles, material=Material.WATER, tag=Tag.WATER)
+        water_surface(out, water.area, _CELL_M, water.level_m)
     for shore in shores:
         if shore.quay:
             # Below a bridge its abutment takes the quay's place.
@@ -179,6 +175,11 @@ def _banks(out: MeshBuilder, water: Water, natural: Sequence[Shore], ground: Ter
     if not lines:
         return
     rim = shapely.union_all(lines)
+
+    def height(xy: Array) -> Array:
+        share = np.clip(shapely.distance(rim, shapely.points(xy)) / BANK_M, 0.0, 1.0)
+        return np.asarray((ground.height(xy) - LAP_M / 2) * (1.0 - share) + (water.level_m - 0.5) * share)
+
     looks = (
         (0.55 * BANK_M, 0.0, Material.GRASS, Tag.TERRAIN, (215, 215, 195)),
         (BANK_M, 0.55 * BANK_M, Material.GRAVEL, Tag.TERRAIN, (190, 175, 150)),
@@ -186,9 +187,4 @@ def _banks(out: MeshBuilder, water: Water, natural: Sequence[Shore], ground: Ter
     for outer, inner, material, tag, colour in looks:
         band = shapely.intersection(water.area, shapely.buffer(rim, outer))
         band = shapely.difference(band, shapely.buffer(rim, inner)) if inner else band
-        xy, triangles = triangulate(areas_only(band), 2.0)
-        if not len(xy):
-            continue
-        share = np.clip(shapely.distance(rim, shapely.points(xy)) / BANK_M, 0.0, 1.0)
-        z = (ground.height(xy) - LAP_M / 2) * (1.0 - share) + (water.level_m - 0.5) * share
-        out.triangles(np.column_stack([xy, z]), triangles, material=material, tag=tag, colour=colour)
+        out.sheet(areas_only(band), 2.0, height, material=material, tag=tag, colour=colour)

@@ -1,16 +1,19 @@
 """Gathers triangles of many materials into one mesh."""
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core import elementary
+from carlaloc_env.core.areas import Area
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import WHITE, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.meshing.batches import Quads, Triangles, joined
+from carlaloc_env.scenery.meshing.triangulation import triangulate
 
 
 class MeshBuilder:
@@ -103,6 +106,23 @@ class MeshBuilder:
                     tag=tag,
                 )
             )
+
+    def sheet(
+        self,
+        area: Area,
+        cell_m: float,
+        height: Callable[[Array], Array],
+        *,
+        lift_m: float = 0.0,
+        material: Material,
+        tag: Tag,
+        colour: ArrayLike = WHITE,
+    ) -> None:
+        """A surface over an area, cut along a grid of `cell_m`, at `lift_m` above the heights [m]."""
+        xy, triangles = triangulate(area, cell_m)
+        if len(xy):
+            points = np.column_stack([xy, height(xy) + lift_m])
+            self.triangles(points, triangles, material=material, tag=tag, colour=colour)
 
     def build(self) -> Mesh:
         """Builds one mesh of all that was gathered."""

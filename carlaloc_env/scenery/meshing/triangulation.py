@@ -29,10 +29,21 @@ def triangulate(shape: Area, cell_m: float) -> tuple[Array, NDArray[np.int64]]:
     corners = np.round(np.concatenate(pieces).reshape(-1, 2), 4)
     unique, _, inverse = unique_rows(corners)
     triangles = inverse.reshape(-1, 3)
-    a, b, c = (unique[triangles[:, i]] for i in range(3))
-    area2 = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    area2 = twice_area(unique[triangles])
     triangles = np.where((area2 < 0)[:, None], triangles[:, ::-1], triangles)
     return unique, triangles[np.abs(area2) > 1e-7]
+
+
+def delaunay_triangles(parts: list[Area]) -> Array:
+    """Triangles (T, 3, 2) of polygons, in either order."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(np.array(parts, dtype=object)))
+    return np.asarray(shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3])
+
+
+def twice_area(triangles: Array) -> Array:
+    """Twice the area of triangles (T, 3, 2), below 0 for clockwise ones, (T,)."""
+    a, b, c = (triangles[:, k] for k in range(3))
+    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
 
 
 def unique_rows(rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
@@ -74,9 +85,7 @@ def _block_triangles(block: Area, corner: Array, cell_m: float) -> list[Array]:
     edge = ~inside & shapely.intersects(block, boxes)
     if edge.any():
         parts = polygons_of(shapely.intersection(block, boxes[edge]))
-        triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(np.array(parts, dtype=object)))
-        if len(triangles):
-            triangles_of.append(shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3])
+        triangles_of.append(delaunay_triangles(parts))
     return triangles_of
 
 

@@ -80,14 +80,16 @@ def _raise(
     near = shapely.intersection(roadway, window)
     beside = shapely.buffer(near, KERB_STONE_M)
     grass = top == Material.GRASS
+
+    def height(xy: Array) -> Array:
+        return edge.nearest(xy)[0]
+
     for part, material, tag, colour in (
         (shapely.difference(area, beside), top, Tag.TERRAIN if grass else Tag.SIDEWALK, (232, 230, 226)),
         (shapely.intersection(area, beside), Material.KERB, Tag.SIDEWALK, (225, 225, 222)),
     ):
-        xy, triangles = triangulate(areas_only(part), CORNER_CELL_M)
-        if len(xy):
-            points = np.column_stack([xy, edge.nearest(xy)[0] + kerb_m])
-            out.triangles(points, triangles, material=material, tag=tag, colour=colour)
+        ground = areas_only(part)
+        out.sheet(ground, CORNER_CELL_M, height, lift_m=kerb_m, material=material, tag=tag, colour=colour)
     _rims(out, area, kerb_m, near, edge)
 
 

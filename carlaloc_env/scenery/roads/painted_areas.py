@@ -20,7 +20,6 @@ from carlaloc_env.scenery.ground.height_fields import JunctionField
 from carlaloc_env.scenery.ground.lane_strips import Strip
 from carlaloc_env.scenery.ground.paved_areas import TownAreas
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
-from carlaloc_env.scenery.meshing.triangulation import triangulate
 from carlaloc_env.scenery.roads.hatching import gore_bars
 from carlaloc_env.scenery.roads.road_markings import PAINT_M
 
@@ -83,11 +82,8 @@ class RoadPainter:
 
     def _paint(self, out: MeshBuilder, field: JunctionField, area: Area) -> None:
         area = areas_only(shapely.intersection(area, self._paintable), 5e-3)
-        xy, triangles = triangulate(area, CELL_M)
-        if not len(xy):
-            return
-        points = np.column_stack([xy, field.height(xy) + PAINT_M])
-        out.triangles(points, triangles, material=Material.ROAD_PAINT_WHITE, tag=Tag.ROAD_LINE)
+        paint = Material.ROAD_PAINT_WHITE
+        out.sheet(area, CELL_M, field.height, lift_m=PAINT_M, material=paint, tag=Tag.ROAD_LINE)
 
     def _field(self, road_id: str) -> JunctionField:
         road = self._network.xodr.roads[self._network.road_index[road_id]]

@@ -27,7 +27,6 @@ from carlaloc_env.scenery.buildings.styles import STYLES
 from carlaloc_env.scenery.ground.height_fields import HeightOf
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder, box_quads, turned
 from carlaloc_env.scenery.meshing.props import copies, poses
-from carlaloc_env.scenery.meshing.triangulation import triangulate
 from carlaloc_env.scenery.street.car_parks import BAY_M, DEPTH_M, CarPark
 from carlaloc_env.scenery.structures.footbridges import FOOTBRIDGE_CLEAR_M, footbridge, stair_length_m
 from carlaloc_env.scenery.structures.footbridges import LENGTH_M as FOOTBRIDGE_M
@@ -138,10 +137,8 @@ def _placed(feature: Feature, points: Array) -> Array:
 
 def _apron(area: Area, floor: HeightOf) -> Mesh:
     out = MeshBuilder()
-    xy, triangles = triangulate(area, 3.0)
-    if len(xy):
-        points = np.column_stack([xy, floor(xy) + 0.03])
-        out.triangles(points, triangles, material=Material.CONCRETE, tag=Tag.GROUND, colour=(215, 212, 205))
+    grey = (215, 212, 205)
+    out.sheet(area, 3.0, floor, lift_m=0.03, material=Material.CONCRETE, tag=Tag.GROUND, colour=grey)
     return out.build()
 
 

@@ -13,6 +13,7 @@ from carlaloc_env.assets.posts_and_fences import fence
 from carlaloc_env.core import clock, elementary
 from carlaloc_env.core.areas import Area, areas_only, without
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.polylines import right_of
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scenery.ground.land import Land
@@ -20,7 +21,6 @@ from carlaloc_env.scenery.ground.terrain import Terrain
 from carlaloc_env.scenery.mapped import MappedFeature, of_kind
 from carlaloc_env.scenery.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.scenery.meshing.props import PropField
-from carlaloc_env.scenery.meshing.triangulation import triangulate
 from carlaloc_env.scenery.vegetation.gardens import wall_panel
 from carlaloc_env.scenery.vegetation.planting import put_trees
 
@@ -55,10 +55,8 @@ def add_grounds(out: MeshBuilder, features: Sequence[MappedFeature], taken: Area
     shapely.prepare(taken)
     for kind, (material, tint) in PAVED.items():
         area = shapely.union_all([feature.shape for feature in of_kind(features, kind)])
-        xy, triangles = triangulate(areas_only(without(area, taken), 2.0), 6.0)
-        if len(xy):
-            points = np.column_stack([xy, ground.height(xy) + LIFT_M])
-            out.triangles(points, triangles, material=material, tag=Tag.GROUND, colour=tint)
+        free = areas_only(without(area, taken), 2.0)
+        out.sheet(free, 6.0, ground.height, lift_m=LIFT_M, material=material, tag=Tag.GROUND, colour=tint)
     for rail in of_kind(features, "rail"):
         if rail.number("layer", 0.0) == 0.0:
             for line in shapely.get_parts(without(rail.shape, taken)):
@@ -69,7 +67,7 @@ def add_grounds(out: MeshBuilder, features: Sequence[MappedFeature], taken: Area
 def _track(out: MeshBuilder, line: shapely.LineString, ground: Terrain) -> None:
     """A bed of gravel, sleepers and two rails."""
     xy = shapely.get_coordinates(shapely.segmentize(line, 4.0))
-    left = _lefts(xy)
+    left = -right_of(xy)
     z = ground.height(xy)[:, None]
 
     def strip(a: float, b: float, up: float, material: Material, tag: Tag, grey: int) -> None:
@@ -93,12 +91,6 @@ def _track(out: MeshBuilder, line: shapely.LineString, ground: Terrain) -> None:
     corners = [(-0.12, -1.25), (0.12, -1.25), (0.12, 1.25), (-0.12, 1.25)]
     flat = [np.column_stack([up[:, :2] + along * u + aside * v, up[:, 2]]) for u, v in corners]
     out.quads(np.stack(flat, axis=1), material=Material.CONCRETE, tag=Tag.RAIL_TRACK, colour=(150, 146, 140))
-
-
-def _lefts(xy: Array) -> Array:
-    tangent = np.gradient(xy, axis=0)
-    tangent = tangent / np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-9)[:, None]
-    return np.column_stack([-tangent[:, 1], tangent[:, 0]])
 
 
 def put_plants(props: PropField, features: Sequence[MappedFeature], land: Land, solid: Area) -> None:

@@ -196,13 +196,7 @@ def _border_plants(props: PropField, land: Land, plot: Plot, draw: np.random.Gen
         return
     shapely.prepare(plot.area)
     step = 0.9 if plot.kind != "maize" else 0.75
-    x0, y0, x1, y1 = shapely.bounds(plot.area)
-    reach = np.hypot(x1 - x0, y1 - y0) / 2
-    axis = np.arange(-reach, reach, step)
-    grid = np.stack([a.ravel() for a in np.meshgrid(axis, axis, indexing="ij")], axis=-1)
-    c, s = elementary.cos(plot.turn_rad), elementary.sin(plot.turn_rad)
-    turned = np.stack([c * grid[:, 0] - s * grid[:, 1], s * grid[:, 0] + c * grid[:, 1]], axis=-1)
-    xy = turned + np.array([(x0 + x1) / 2, (y0 + y1) / 2])
+    xy = _grid_over(plot.area, plot.turn_rad, step, step)
     roads = land.roads.distance_m(xy)
     xy = xy[(roads > 0) & (roads < NEAR_M) & (draw.random(len(xy)) < np.clip(1.3 - roads / NEAR_M, 0.0, 1.0))]
     xy = xy[shapely.contains_xy(plot.area, xy[:, 0], xy[:, 1])]
@@ -245,14 +239,19 @@ def _rows(plot: Plot, across_m: float, along_m: float) -> Array:
     if inner.is_empty:
         return np.zeros((0, 2))
     shapely.prepare(inner)
-    x0, y0, x1, y1 = shapely.bounds(inner)
+    xy = _grid_over(inner, plot.turn_rad, along_m, across_m)
+    return np.asarray(xy[shapely.contains_xy(inner, xy[:, 0], xy[:, 1])])
+
+
+def _grid_over(area: Area, turn_rad: float, along_m: float, across_m: float) -> Array:
+    """Points of a turned grid that covers an area, and more."""
+    x0, y0, x1, y1 = shapely.bounds(area)
     reach = np.hypot(x1 - x0, y1 - y0) / 2
     u, v = np.arange(-reach, reach, along_m), np.arange(-reach, reach, across_m)
     grid = np.stack([a.ravel() for a in np.meshgrid(u, v, indexing="ij")], axis=-1)
-    c, s = elementary.cos(plot.turn_rad), elementary.sin(plot.turn_rad)
-    xy = np.stack([c * grid[:, 0] - s * grid[:, 1], s * grid[:, 0] + c * grid[:, 1]], axis=-1)
-    xy = xy + np.array([(x0 + x1) / 2, (y0 + y1) / 2])
-    return np.asarray(xy[shapely.contains_xy(inner, xy[:, 0], xy[:, 1])])
+    c, s = elementary.cos(turn_rad), elementary.sin(turn_rad)
+    turned = np.stack([c * grid[:, 0] - s * grid[:, 1], s * grid[:, 0] + c * grid[:, 1]], axis=-1)
+    return np.asarray(turned + np.array([(x0 + x1) / 2, (y0 + y1) / 2]))
 
 
 def _bales(props: PropField, land: Land, plot: Plot, draw: np.random.Generator) -> None:
