@@ -68,7 +68,7 @@ def doubt(ratio: Any) -> str:
     if ratio.pairs < PAIRS_MIN:
         return f"{ratio.pairs} pair{'s' * (ratio.pairs > 1)}: too few"
     if not ratio.repeated:
-        return "spread of runs not known"
+        return "seldom repeated"
     if ratio.repeated < SHARE * ratio.pairs:
         return f"spread of runs known in {ratio.repeated} of {ratio.pairs} pairs alone"
     if ratio.within > (1 - SHARE) * ratio.repeated:

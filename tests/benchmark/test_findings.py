@@ -113,7 +113,7 @@ def test_a_difference_beyond_the_spread_is_a_finding_and_one_within_it_none() ->
         (2, 0, 2, "2 pairs: too few"),
         (2, 2, 4, "no direction"),
         (0, 3, 3, "smaller"),
-        (3, 0, 0, "larger; spread of runs not known"),
+        (3, 0, 0, "larger; seldom repeated"),
         (3, 0, 1, "larger; spread of runs known in 1 of 3 pairs alone"),
         (3, 0, 2, "larger"),
     ],

@@ -150,10 +150,14 @@ EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
 """Of each effect: pass, measure, towns, and both sides of the ratio."""
 
 
-def motorway(runs: list[Run], measure: str) -> list[float]:
-    """Town04 over the median of the other towns, for each system that is no variant."""
+MOTORWAY = {"6": ("kiss_icp", "small_gicp"), "6l": ("loam",)}
+"""Systems of the effects of a motorway."""
+
+
+def motorway(runs: list[Run], measure: str, methods: tuple[str, ...]) -> list[float]:
+    """Town04 over the median of the other towns, for each system."""
     found = []
-    for method in ("kiss_icp", "small_gicp"):
+    for method in methods:
         mine = {
             run.town: getattr(run, measure) for run in runs if run.of == "hdl64e" and run.method == method
         }
@@ -193,8 +197,8 @@ def main(passes: list[str]) -> None:
 
 def measured(effect: str, runs: list[Run], measure: str) -> list[float]:
     """The ratios of an effect; APE in place of drift where the plan has it."""
-    if effect == "6":
-        return motorway(runs, measure)
+    if effect in MOTORWAY:
+        return motorway(runs, measure, MOTORWAY[effect])
     if effect not in EFFECTS:
         return []
     of, usual, towns, (first, second, by_method) = EFFECTS[effect]

@@ -13,5 +13,4 @@ SYSTEM = system("kiss_half", "KISS-ICP, every second ring")
 
 def run(sequence: SlamSequence, clock: FrameClock) -> Poses:
     """Poses of the LiDAR."""
-    config = configuration()
-    return poses(sequence, clock, config, every_ring=2)
+    return poses(sequence, clock, configuration(), chosen=lambda scan: scan.ring % 2 == 0)

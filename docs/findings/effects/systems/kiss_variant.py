@@ -36,15 +36,13 @@ def poses(
     sequence: SlamSequence,
     clock: FrameClock,
     config: KISSConfig,
-    every_ring: int = 1,
+    chosen: Callable[[Any], Any] | None = None,
     guess: Callable[[Any, Any], None] = lambda odometry, scan: None,
 ) -> Poses:
-    """Poses of the LiDAR by some of the rings; `guess` may set the motion expected since the last sweep."""
+    """Poses of the LiDAR by the chosen points; `guess` may set the motion expected since the last sweep."""
     odometry = KissICP(config)
     for scan in sequence.scans():
-        kept = scan
-        if every_ring > 1 and scan.ring is not None:
-            kept = scan.take(np.asarray(scan.ring % every_ring == 0))
+        kept = scan if chosen is None else scan.take(np.asarray(chosen(scan)))
         with clock.frame():
             guess(odometry, kept)
             odometry.register_frame(kept.points_xyz_m, kept.deskew_time_s)
