@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index, Mask
 from carlaloc_env.core.point_tree import point_tree
 from carlaloc_env.map.opendrive.cubic_table import CubicTable
@@ -154,11 +153,7 @@ class Crossfall:
         for side in (1, -1):
             t = middle + side * self._reach[side]
             drop = FALL * self._reach[side] + (GUTTER_FALL - FALL) * self._gutter[side]
-            x, y = (
-                pose.x_m - elementary.sin(pose.heading_rad) * t,
-                pose.y_m + elementary.cos(pose.heading_rad) * t,
-            )
-            points.append(np.stack([x, y, z], axis=-1))
+            points.append(np.stack([*pose.beside(t), z], axis=-1))
             drops.append(np.where(flat[number], 0.0, drop))
             rows.append(np.arange(len(s)))
         xyz, drop, row = np.concatenate(points), np.concatenate(drops), np.concatenate(rows)
@@ -175,14 +170,8 @@ class Crossfall:
     def _middle(self, plan: PlanView, s_m: Array) -> Array:
         """Points of all roads' lane 0, each at a station of its own (N,) [m], shape (N, 2)."""
         road = np.arange(len(s_m))
-        pose, t = plan.evaluate(road, s_m), self._edges.lane_offset(road, s_m).t_m
-        return np.stack(
-            [
-                pose.x_m - elementary.sin(pose.heading_rad) * t,
-                pose.y_m + elementary.cos(pose.heading_rad) * t,
-            ],
-            axis=-1,
-        )
+        offset = self._edges.lane_offset(road, s_m)
+        return np.stack(plan.evaluate(road, s_m).beside(offset.t_m), axis=-1)
 
 
 def _is_level(

@@ -61,10 +61,9 @@ class LaneEdges:
         self._width = CubicTable([lane.widths for lane in self.lanes])
         self._border = CubicTable([lane.borders for lane in self.lanes])
         self._offset = CubicTable([road.lane_offset for road in roads])
-        heights = [[_cubic(r.s_m, r.inner_m) for r in lane.heights] for lane in self.lanes]
-        self._height_inner = CubicTable(_ramps(heights))
-        heights = [[_cubic(r.s_m, r.outer_m) for r in lane.heights] for lane in self.lanes]
-        self._height_outer = CubicTable(_ramps(heights))
+        heights = [lane.heights for lane in self.lanes]
+        self._height_inner = CubicTable([_ramps([(r.s_m, r.inner_m) for r in own]) for own in heights])
+        self._height_outer = CubicTable([_ramps([(r.s_m, r.outer_m) for r in own]) for own in heights])
 
     def lane_offset(self, road: Index, s_m: Array) -> Edge:
         """The line that lane 0 stands for."""
@@ -146,19 +145,11 @@ def _take_farther(farthest: list[Array], rows: Index, edges: Sequence[Array], si
         part[rows[farther]] = edge[farther]
 
 
-def _cubic(s_m: float, value: float) -> Cubic:
-    return Cubic(s_m, value, 0.0, 0.0, 0.0)
-
-
-def _ramps(owners: Sequence[Sequence[Cubic]]) -> list[list[Cubic]]:
-    """Straight ramps between the values of neighbouring records; the last value holds on."""
+def _ramps(points: Sequence[tuple[float, float]]) -> list[Cubic]:
+    """Straight ramps between neighbouring stations and values; the last value holds on."""
     ramps = []
-    for records in owners:
-        joined = []
-        for n, r in enumerate(records):
-            after = records[n + 1] if n + 1 < len(records) else None
-            gap = after.s_m - r.s_m if after is not None else 0.0
-            slope = (after.a - r.a) / gap if after is not None and gap > 1e-9 else 0.0
-            joined.append(Cubic(r.s_m, r.a, slope, 0.0, 0.0))
-        ramps.append(joined)
+    for (s, value), (after_s, after) in zip(points, [*points[1:], *points[-1:]], strict=True):
+        gap = after_s - s
+        slope = (after - value) / gap if gap > 1e-9 else 0.0
+        ramps.append(Cubic(s, value, slope, 0.0, 0.0))
     return ramps

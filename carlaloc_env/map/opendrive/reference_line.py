@@ -47,6 +47,11 @@ class LinePose(NamedTuple):
     rate: Array
     """Metres of arc per metre of s: 1 but for a paramPoly3 whose stated length is not its own."""
 
+    def beside(self, t_m: Array) -> tuple[Array, Array]:
+        """Points x, y to the left of these [m], each (M,)."""
+        x = self.x_m - elementary.sin(self.heading_rad) * t_m
+        return x, self.y_m + elementary.cos(self.heading_rad) * t_m
+
 
 class PlanView:
     """The `<planView>` of all roads as one table."""

@@ -64,9 +64,8 @@ class RoadSurface:
         tilt, _, _ = self._tilt.evaluate(road, s_m)
         h = h_m + self._shape(road, s_m, t_m)[0]
         across = t_m * elementary.cos(tilt) - h * elementary.sin(tilt)
-        x = line.x_m - elementary.sin(line.heading_rad) * across
-        y = line.y_m + elementary.cos(line.heading_rad) * across
-        points = np.stack([x, y, z + t_m * elementary.sin(tilt) + h * elementary.cos(tilt)], axis=-1)
+        up = z + t_m * elementary.sin(tilt) + h * elementary.cos(tilt)
+        points = np.stack([*line.beside(across), up], axis=-1)
         if self.relief is not None:
             points[:, 2] += self.relief.heights(points)[:, 0]
         return points
@@ -100,14 +99,7 @@ class RoadSurface:
         turn = k * rate + (along * across2 - across1 * along1) / (stretch * stretch)
         rise = z1 + t1 * s + h1 * c + (t * c - h * s) * tilt1
         heading = line.heading_rad
-        position = np.stack(
-            [
-                line.x_m - elementary.sin(heading) * across,
-                line.y_m + elementary.cos(heading) * across,
-                z + t * s + h * c,
-            ],
-            axis=-1,
-        )
+        position = np.stack([*line.beside(across), z + t * s + h * c], axis=-1)
         if self.relief is not None:
             ground = self.relief.heights(position)
             position[:, 2] += ground[:, 0]
