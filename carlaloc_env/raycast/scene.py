@@ -80,8 +80,18 @@ class RayScene:
             ego: Whether the ego's own body can be hit.
         """
         hits = self.trace(_packed(origins_m - self.middle_m, directions), stamps_ns, timeline, range_max_m)
-        if ego and len(hits):
-            self._cast_ego(hits, origins_m, directions, stamps_ns, timeline, range_max_m)
+        if not (ego and len(hits)):
+            return hits
+        times, back = np.unique(stamps_ns, return_inverse=True)
+        motion = timeline.ego_motion(times)
+        to_body = transforms.quat_conjugate(motion.quat_xyzw)[back]
+        ego_hits = self.cast_ego(
+            transforms.quat_rotate(to_body, origins_m - motion.position_m[back]),
+            transforms.quat_rotate(to_body, directions),
+            range_max_m,
+        )
+        rows = np.flatnonzero(ego_hits.range_m < hits.range_m)
+        hits.put(rows, ego_hits.take(rows))
         return hits
 
     def trace(self, rays: F32, stamps_ns: NDArray[np.int64], timeline: Timeline, range_max_m: float) -> Hits:
@@ -137,26 +147,6 @@ class RayScene:
         if index not in self._extents:
             self._extents[index] = self._library.meshes[index].bounds_m.astype(np.float64)
         return self._extents[index]
-
-    def _cast_ego(
-        self,
-        hits: Hits,
-        origins_m: Array,
-        directions: Array,
-        stamps_ns: NDArray[np.int64],
-        timeline: Timeline,
-        range_max_m: float,
-    ) -> None:
-        times, back = np.unique(stamps_ns, return_inverse=True)
-        motion = timeline.ego_motion(times)
-        to_body = transforms.quat_conjugate(motion.quat_xyzw)[back]
-        ego_hits = self.cast_ego(
-            transforms.quat_rotate(to_body, origins_m - motion.position_m[back]),
-            transforms.quat_rotate(to_body, directions),
-            range_max_m,
-        )
-        rows = np.flatnonzero(ego_hits.range_m < hits.range_m)
-        hits.put(rows, ego_hits.take(rows))
 
     def _trace_actors(
         self, hits: Hits, rays: F32, stamps_ns: NDArray[np.int64], timeline: Timeline, range_max_m: float
