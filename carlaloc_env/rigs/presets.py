@@ -108,15 +108,8 @@ def state_rig() -> SensorRig:
 
 def dsec_rig() -> SensorRig:
     """A pair of event cameras of the DSEC data set's size and baseline, a LiDAR and an IMU."""
-    cameras = tuple(
-        CameraConfig(
-            name=name,
-            mount=Mount(position_m=(IMU_X_M + 0.3, side * 0.3, CAMERA_Z_M), axes="optical"),
-            pinhole=Pinhole.from_fov(640, 480, 60.0),
-            outputs=("rgb", "depth", "events"),
-        )
-        for name, side in (("left", 1.0), ("right", -1.0))
-    )
+    pinhole = Pinhole.from_fov(640, 480, 60.0)
+    cameras = _cameras(0.3, outputs=("rgb", "depth", "events"), pinhole=pinhole)
     return SensorRig(name="dsec", sensors=(_imu("flu"), *cameras, _hdl32e(), _gnss(), SpeedConfig()))
 
 
@@ -178,13 +171,11 @@ def _radars() -> tuple[RadarConfig, ...]:
     )
 
 
-def _cameras() -> tuple[CameraConfig, CameraConfig]:
-    left, right = (
-        CameraConfig(
-            name=name,
-            mount=_mount(0.3, CAMERA_Z_M, "optical", left_m=y),
-            outputs=("rgb", "depth", "semantic", "events"),
-        )
-        for name, y in (("left", 0.2), ("right", -0.2))
+def _cameras(
+    half_m: float = 0.2, outputs: tuple[str, ...] = ("rgb", "depth", "semantic", "events"), **more: Any
+) -> tuple[CameraConfig, ...]:
+    """A pair of cameras, each half the baseline beside the car's middle."""
+    return tuple(
+        CameraConfig(name=name, mount=_mount(0.3, CAMERA_Z_M, "optical", left_m=y), outputs=outputs, **more)
+        for name, y in (("left", half_m), ("right", -half_m))
     )
-    return left, right
