@@ -10,13 +10,13 @@ import numpy as np
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
-from recorder.evaluation.align import Alignment, align, body_rotation, position_error_m, umeyama
-from recorder.evaluation.associate import Association, associate, clock_name
+from recorder.evaluation.align import Alignment, body_rotation, position_error_m, umeyama
+from recorder.evaluation.associate import clock_name
 from recorder.evaluation.evaluation_result import EvaluationResult
 from recorder.evaluation.fail_rule import standing_error_m
 from recorder.evaluation.metrics import Metric, Statistics, errors
 from recorder.evaluation.straight_paths import rolled
-from recorder.evaluation.time_offset import find_time_offset
+from recorder.evaluation.time_offset import error_at, find_time_offset
 from recorder.evaluation.trajectory import Trajectory
 
 _CAUSE = 0.4
@@ -94,13 +94,8 @@ def _clock_findings(result: EvaluationResult, truth: Trajectory, estimate: Traje
         offset_ns = find_time_offset(_thinned(truth), _thinned(estimate), result.alignment)
         if abs(offset_ns) * 1e-9 <= _OFFSET_S:
             return
-        true, paired = associate(
-            truth, estimate.shifted(offset_ns), Association.INTERPOLATED,
-            max_gap_ns=2 * int(np.median(np.diff(truth.stamp_ns))),
-        )  # fmt: skip
-        error_m = position_error_m(true, align(true, paired, result.alignment).apply(paired))
-        enough = len(true) >= 0.8 * result.matched
-        if enough and _explains(result, error_m):
+        error_m, pairs = error_at(truth, estimate, offset_ns, result.alignment)
+        if pairs >= 0.8 * result.matched and _explains(result, error_m):
             offset_s = offset_ns / 1e9
             yield (
                 f"a constant offset of {offset_s:+.3f} s of the estimate's clock{clock_name(offset_s)} "

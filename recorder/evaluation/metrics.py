@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 
 from carlaloc_env.core import transforms
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.array_types import Array, Index
 from recorder.evaluation.trajectory import Trajectory
 
 KITTI_LENGTHS_M = (50.0, 100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
@@ -91,10 +91,13 @@ def errors(metric: Metric, truth: Trajectory, estimate: Trajectory, *, delta: in
         return _norm(step_estimate - step_truth)
     if metric is Metric.RPE_POINT_DISTANCE:
         return np.abs(_norm(step_estimate) - _norm(step_truth))
+    before, after = slice(None, -1), slice(1, None)
+    moved_truth, turn_truth = _steps(truth, before, after)
+    moved_estimate, turn_estimate = _steps(estimate, before, after)
     if metric is Metric.RPE_TRANSLATION:
         # |Q_rel^-1 P_rel| of the translations: the rotation of Q_rel does not change the length.
-        return _norm(_in_first(estimate, step_estimate) - _in_first(truth, step_truth))
-    return _angle_deg(_turns(truth), _turns(estimate))
+        return _norm(moved_estimate - moved_truth)
+    return _angle_deg(turn_truth, turn_estimate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,21 +127,13 @@ def segment_errors(
         a, b = starts[ends < len(truth)], ends[ends < len(truth)]
         if not len(a):
             continue
-        move = [
-            transforms.quat_rotate(
-                transforms.quat_conjugate(t.quat_xyzw[a]), t.position_m[b] - t.position_m[a]
-            )
-            for t in (truth, estimate)
-        ]
-        turn = [
-            transforms.quat_multiply(transforms.quat_conjugate(t.quat_xyzw[a]), t.quat_xyzw[b])
-            for t in (truth, estimate)
-        ]
+        moved_truth, turn_truth = _steps(truth, a, b)
+        moved_estimate, turn_estimate = _steps(estimate, a, b)
         segments.append(
             SegmentError(
                 length_m=length,
-                translation_percent=float(np.mean(_norm(move[1] - move[0])) / length * 100.0),
-                rotation_deg_per_m=float(np.mean(_angle_deg(turn[0], turn[1])) / length),
+                translation_percent=float(np.mean(_norm(moved_estimate - moved_truth)) / length * 100.0),
+                rotation_deg_per_m=float(np.mean(_angle_deg(turn_truth, turn_estimate)) / length),
                 segments=len(a),
             )
         )
@@ -155,10 +150,8 @@ def _angle_deg(a_xyzw: Array, b_xyzw: Array) -> Array:
     return np.degrees(_norm(transforms.quat_to_rotvec(turn)))
 
 
-def _in_first(trajectory: Trajectory, steps: Array) -> Array:
-    return transforms.quat_rotate(transforms.quat_conjugate(trajectory.quat_xyzw[:-1]), steps)
-
-
-def _turns(trajectory: Trajectory) -> Array:
-    q = trajectory.quat_xyzw
-    return transforms.quat_multiply(transforms.quat_conjugate(q[:-1]), q[1:])
+def _steps(trajectory: Trajectory, first: Index | slice, last: Index | slice) -> tuple[Array, Array]:
+    """Shifts and turns from some poses to others, in the frames of the first."""
+    back = transforms.quat_conjugate(trajectory.quat_xyzw[first])
+    shift = trajectory.position_m[last] - trajectory.position_m[first]
+    return transforms.quat_rotate(back, shift), transforms.quat_multiply(back, trajectory.quat_xyzw[last])

@@ -59,7 +59,23 @@ def find_time_offset(truth: Trajectory, estimate: Trajectory, alignment: Alignme
             f"(correlation {agreement:.2f}); give {cure}"
         )
     coarse_ns = int(truth.stamp_ns[0] - estimate.stamp_ns[0]) + round(lag * step_s * 1e9)
-    return _refined(truth, estimate, coarse_ns, _REACH_NS, alignment)
+    best = minimize_scalar(
+        lambda offset_ns: error_at(truth, estimate, coarse_ns + round(offset_ns), alignment)[0],
+        bounds=(-_REACH_NS, _REACH_NS),
+        method="bounded",
+        options={"xatol": 1e4},
+    )
+    return coarse_ns + round(float(best.x))
+
+
+def error_at(
+    truth: Trajectory, estimate: Trajectory, offset_ns: int, alignment: Alignment
+) -> tuple[float, int]:
+    """Position error of an estimate with an offset added to its stamps, RMSE [m], and the number of pairs."""
+    gap_ns = 2 * int(np.median(np.diff(truth.stamp_ns)))
+    shifted = estimate.shifted(offset_ns)
+    true, paired = associate(truth, shifted, Association.INTERPOLATED, max_gap_ns=gap_ns)
+    return position_error_m(true, align(true, paired, alignment).apply(paired)), len(true)
 
 
 def _rates(trajectory: Trajectory, step_s: float, kind: str) -> Array:
@@ -92,17 +108,3 @@ def _correlated(first: Array, second: Array) -> tuple[int, float]:
     one, other = first[a:b], second[a - lag : b - lag]
     norm = float(np.linalg.norm(one) * np.linalg.norm(other))
     return lag, float(one @ other) / norm if norm > 0 else 0.0
-
-
-def _refined(
-    truth: Trajectory, estimate: Trajectory, coarse_ns: int, reach_ns: int, alignment: Alignment
-) -> int:
-    gap_ns = 2 * int(np.median(np.diff(truth.stamp_ns)))
-
-    def error_m(offset_ns: float) -> float:
-        shifted = estimate.shifted(coarse_ns + round(offset_ns))
-        true, paired = associate(truth, shifted, Association.INTERPOLATED, max_gap_ns=gap_ns)
-        return position_error_m(true, align(true, paired, alignment).apply(paired))
-
-    best = minimize_scalar(error_m, bounds=(-reach_ns, reach_ns), method="bounded", options={"xatol": 1e4})
-    return coarse_ns + round(float(best.x))
