@@ -5,16 +5,16 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
+from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.ego import EGO_SIZE_M
 from carlaloc_env.core.files.config_files import from_mapping
 from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.driven_car import ego_view
 from carlaloc_env.timeline.actor_quantisation import on_grid
-from carlaloc_env.timeline.actors import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.actors import ActorFrame
 from carlaloc_env.traffic.standing_traffic import TrafficTables
 from carlaloc_env.traffic.traffic_config import TrafficConfig
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
@@ -65,7 +65,8 @@ def change_traffic(
     counts = {name: round(factor * getattr(old, name)) for name in ("vehicles", "walkers")}
     config = replace(old, seed=seed, **counts)
     world = TrafficWorld(town.network, config, TrafficTables(town.network, town.route))
-    contacts = _ContactCounter(world.catalog)
+    half_m = 0.5 * world.catalog.size_m[:, :2].astype(np.float64)
+    touches: list[bool] = []
     count = len(episode.steps)
     signals = np.stack([world.signals(step * STEP_NS) for step in range(count)])
 
@@ -75,7 +76,8 @@ def change_traffic(
             tick = (step - 1) * STEP_TICKS + 1 if step > 1 else 0
             view = _view(episode.ego[min(tick, len(episode.ego) - 1)])
             frame = on_grid(world.reset(view) if step == 0 else world.step(view))
-            contacts.count(_view(episode.ego[min(step * STEP_TICKS, len(episode.ego) - 1)]), frame)
+            view = _view(episode.ego[min(step * STEP_TICKS, len(episode.ego) - 1)])
+            touches.append(_is_touching(view, frame, half_m))
             if step % 100 == 0:
                 progress(step * STEP_NS * 1e-9, count * STEP_NS * 1e-9)
             yield frame
@@ -84,7 +86,7 @@ def change_traffic(
     new = replace(header, catalog=world.catalog, seed=seed, traffic=asdict(config), history=history)
     events = [event for event in episode.events if event.kind != "collision"]
     written = write_episode(out, new, episode.ego, frames(), signals, events, overwrite=overwrite)
-    return OtherTraffic(path=str(written.path), touching_s=contacts.steps * STEP_NS * 1e-9)
+    return OtherTraffic(path=str(written.path), touching_s=sum(touches) * STEP_NS * 1e-9)
 
 
 def _view(row: np.void) -> EgoView:
@@ -93,43 +95,23 @@ def _view(row: np.void) -> EgoView:
     return ego_view(row["position_m"], heading, float(row["speed_mps"]))
 
 
-class _ContactCounter:
-    """Counts the steps at which an actor's box overlaps the ego's."""
-
-    def __init__(self, catalog: ActorCatalog) -> None:
-        self._half = 0.5 * catalog.size_m[:, :2].astype(np.float64)
-        self.steps = 0
-
-    def count(self, ego: EgoView, frame: ActorFrame) -> None:
-        half = 0.5 * np.array(EGO_SIZE_M[:2])
-        position = frame.position_m.astype(np.float64)
-        delta = position - np.array(ego.position_m)
-        near = (np.hypot(delta[:, 0], delta[:, 1]) < 20.0) & (np.abs(delta[:, 2]) < 2.5)
-        index = np.flatnonzero(near)
-        hits = _overlap(
-            delta[index, :2],
-            frame.heading_rad[index].astype(np.float64),
-            self._half[index],
-            ego.heading_rad,
-            half,
-        )
-        self.steps += bool(hits.any())
+def _is_touching(ego: EgoView, frame: ActorFrame, half_m: Array) -> bool:
+    """Whether the box of an actor, half as long and wide as given, (N, 2), overlaps the ego's."""
+    delta = frame.position_m.astype(np.float64) - np.array(ego.position_m)
+    near = (np.hypot(delta[:, 0], delta[:, 1]) < 20.0) & (np.abs(delta[:, 2]) < 2.5)
+    heading_rad = frame.heading_rad[near].astype(np.float64)
+    return bool(_overlap(delta[near, :2], heading_rad, half_m[near], ego.heading_rad).any())
 
 
-def _overlap(
-    delta_m: NDArray[np.float64],
-    heading_rad: NDArray[np.float64],
-    half_m: NDArray[np.float64],
-    ego_heading_rad: float,
-    ego_half_m: NDArray[np.float64],
-) -> NDArray[np.bool_]:
+def _overlap(delta_m: Array, heading_rad: Array, half_m: Array, ego_heading_rad: float) -> Mask:
     """Whether rectangles overlap the ego's: no axis of either separates them, (N,)."""
     result = np.ones(len(delta_m), bool)
     turn = heading_rad - ego_heading_rad
     c, s = np.abs(elementary.cos(turn)), np.abs(elementary.sin(turn))
+    ego_half_m = np.broadcast_to(0.5 * np.array(EGO_SIZE_M[:2]), half_m.shape)
     for heading, own, other in (
-        (np.full(len(delta_m), ego_heading_rad), np.broadcast_to(ego_half_m, half_m.shape), half_m),
-        (heading_rad, half_m, np.broadcast_to(ego_half_m, half_m.shape)),
+        (np.full(len(delta_m), ego_heading_rad), ego_half_m, half_m),
+        (heading_rad, half_m, ego_half_m),
     ):
         along = delta_m[:, 0] * elementary.cos(heading) + delta_m[:, 1] * elementary.sin(heading)
         across = delta_m[:, 1] * elementary.cos(heading) - delta_m[:, 0] * elementary.sin(heading)

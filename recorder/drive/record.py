@@ -212,7 +212,7 @@ class _Drive:
             self._driver,
             seed=config.seed,
             begin=self._begin,
-            finished=_arrived if config.duration_s is None else _never,
+            finished=_arrived if config.duration_s is None else lambda _: False,
             end_tick=round((config.duration_s or 86400.0) * TICK_HZ),
             progress=self._progress,
             others=lambda: [open_device("scripted", config.seed + k) for k in range(1, config.cars)],
@@ -298,10 +298,6 @@ class _Drive:
             extra={} if config.ride == DEFAULT_RIDE else {"ride": config.ride},
         )  # fmt: skip
         return EpisodeWriter(config.out, header, overwrite=config.overwrite)
-
-
-def _never(_: DrivingWorld) -> bool:
-    return False
 
 
 _STANDS_MPS = 0.05
