@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import U8, Array
+from carlaloc_env.core.array_types import U8, Array, Mask
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.ego import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.errors import EvaluationError
@@ -37,7 +37,7 @@ from recorder.episode.traffic_level import TrafficLevel
 from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.report.lane_lines import lane_lines, lane_lines_of
-from recorder.view.sequence_view import COLOURS, TRUTH, every, in_world, jpeg_of
+from recorder.view.sequence_view import COLOURS, TRUTH, every, greys, in_world, jpeg_of
 from recorder.view.sky import COLOURS as COLOURS_OF_WAYS
 from recorder.view.sky import SkyOverTime, read_sky
 
@@ -276,15 +276,16 @@ def _near(chunk: Mesh, path_m: Array, radius_m: float) -> Iterator[Mesh]:
     cells, of = np.unique(cell, axis=0, return_inverse=True)
     middles = (cells + 0.5) * 0.25 * radius_m
     least = np.array([np.hypot(*(places - middle).T).min() for middle in middles])
-    triangles = chunk.triangles[(least < radius_m)[of.reshape(-1)]]
-    if len(triangles):
-        vertices, index = np.unique(triangles, return_inverse=True)
-        yield chunk.taking(vertices, index.reshape(-1, 3).astype(np.uint32))
+    yield from _part(chunk, (least < radius_m)[of.reshape(-1)])
 
 
 def _of_lines(chunk: Mesh, lines: bool) -> Iterator[Mesh]:
     """Triangles of a chunk's road markings, or all others."""
-    chosen = (chunk.tag[chunk.triangles[:, 0]] == Tag.ROAD_LINE) == lines
+    yield from _part(chunk, (chunk.tag[chunk.triangles[:, 0]] == Tag.ROAD_LINE) == lines)
+
+
+def _part(chunk: Mesh, chosen: Mask) -> Iterator[Mesh]:
+    """The chosen triangles of a chunk, if there are some."""
     if chosen.any():
         vertices, index = np.unique(chunk.triangles[chosen], return_inverse=True)
         yield chunk.taking(vertices, index.reshape(-1, 3).astype(np.uint32))
@@ -387,11 +388,7 @@ _TABLE[: len(PALETTE_RGB)] = np.rint(0.55 * PALETTE_RGB + 0.45 * 255.0)
 def _clouds(sequence: SlamSequence, period_s: float) -> Iterator[tuple[int, Array, U8]]:
     truth = read_tum(sequence.truth_file("lidar"))
     for scan in every(sequence.scans(), period_s):
-        if scan.tag is not None:
-            shade = scan.tag
-        else:
-            intensity = np.ones(len(scan.time_s)) if scan.intensity is None else scan.intensity
-            shade = (64 + 191 * np.clip(intensity, 0.0, 1.0)).astype(np.uint8)
+        shade = greys(scan, 64) if scan.tag is None else scan.tag
         yield scan.stamp_ns, in_world(scan, truth), shade
 
 

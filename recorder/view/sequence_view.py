@@ -94,7 +94,11 @@ def _log_clouds(recording: Recording, sequence: SlamSequence, period_s: float) -
     truth = read_tum(sequence.truth_file("lidar"))
     positions, tags = [], []
     for scan in every(sequence.scans(), period_s):
-        colour = {"class_ids": scan.tag} if scan.tag is not None else {"colors": _shades(scan)}
+        colour = (
+            {"class_ids": scan.tag}
+            if scan.tag is not None
+            else {"colors": np.repeat(greys(scan, 60)[:, None], 3, axis=1)}
+        )
         points = recording.rerun.Points3D(scan.points_xyz_m.astype(np.float32), radii=[0.03], **colour)
         recording.at(scan.stamp_ns, f"{BASE_LINK}/{lidar.frame_id}/points", points)
         world_m = in_world(scan, truth)
@@ -130,12 +134,10 @@ def every(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
             yield scan
 
 
-def _shades(scan: Scan) -> U8:
-    """Grey by the intensity of the echoes, (N, 3)."""
+def greys(scan: Scan, darkest: int) -> U8:
+    """Greys from the darkest one to 255 by the intensity of the echoes, (N,)."""
     intensity = np.ones(len(scan.time_s)) if scan.intensity is None else scan.intensity
-    grey = (60 + 195 * np.clip(intensity, 0.0, 1.0)).astype(np.uint8)
-    shades: U8 = np.repeat(grey[:, None], 3, axis=1)
-    return shades
+    return (darkest + (255 - darkest) * np.clip(intensity, 0.0, 1.0)).astype(np.uint8)
 
 
 def _log_images(recording: Recording, sequence: SlamSequence, period_s: float) -> bool:
