@@ -1,7 +1,7 @@
 """Draw RKO-LIO's errors against three quantities of a rig, beside those of an odometry without error.
 
-python docs/findings/effects/curves.py FOLDER   from a folder that `carlaloc sweep` wrote
-python docs/findings/effects/curves.py          draws the curves that are kept here again
+python docs/findings/effects/curves.py FOLDER …   from folders that `carlaloc sweep` wrote
+python docs/findings/effects/curves.py            draws the curves that are kept here again
 
 The odometry without error gives the true poses with the fault alone: at stamps that are wrong by the offset,
 or of a body that is turned by the error of the mount. No system can be better, but for luck.
@@ -55,7 +55,7 @@ def without_error(truth: Trajectory, quantity: str, value: float) -> Trajectory:
 
 def curves(folder: Path) -> Iterator[dict[str, str | float]]:
     """A row for each run of the sweep that varies one of the quantities."""
-    for path in sorted((folder / "runs").rglob("result.json")):
+    for path in sorted((folder / "runs").rglob("rko_lio/*/result.json")):
         score = json.loads(path.read_text("utf-8"))["score"]
         truth = read_tum(folder / "drives" / score["dataset"] / score["town"] / "ground_truth" / "imu.tum")
         found = measures(truth, read_tum(path.with_name("estimate.tum")))
@@ -82,7 +82,10 @@ def main(folders: list[str]) -> None:
     """Keep the curves of a sweep, and draw them."""
     kept = HERE / "curves.csv"
     if folders:
-        table = pd.DataFrame(curves(Path(folders[0]))).sort_values(["quantity", "town", "value"])
+        table = pd.DataFrame(row for folder in folders for row in curves(Path(folder)))
+        table = table.drop_duplicates(["town", "quantity", "value"]).sort_values(
+            ["quantity", "town", "value"]
+        )
         table.to_csv(kept, index=False, float_format="%.4g")
     table = pd.read_csv(kept)
     matplotlib.rcParams.update({"font.size": 9})
