@@ -3,10 +3,10 @@
 python docs/findings/effects/effects.py PASS=FOLDER[,FOLDER] …   from folders that `carlaloc benchmark` wrote
 python docs/findings/effects/effects.py                          prints the table of the runs kept here
 
-A pass is a rig over some drives: `hdl64e`, `aeries2`, `snow`, `snow64`, `rain`, `cameras`. `runs.csv` keeps
-each run's drift in space and in the plane: KITTI's mean over segments of 100 to 400 m, which all routes here
-hold. An effect is the median over towns and systems of a ratio within the same town. A failed run is
-infinitely wrong.
+A pass is a rig over some drives: `hdl64e`, `aeries2`, `snow`, `snow64`, `rain`, `air`, `cameras`, `real`.
+`runs.csv` keeps each run's drift in space and in the plane: KITTI's mean over segments of 100 to 400 m, which
+all routes here hold. An effect is the median over towns and systems of a ratio within the same town. A failed
+run is infinitely wrong.
 """
 
 import csv
@@ -144,7 +144,8 @@ EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
     "15f": ("rain", "drift_percent", {"Town10"}, weather("ClearNight_fog_density-0")),
     "15r": ("rain", "drift_percent", {"Town10"}, weather("ClearNoon_rain_mmph-25")),
     "18": ("cameras", "ape_m", {"Town05"}, weather("ClearNight", "stereo_vo", "orbslam3_stereo")),
-    "20": ("cameras", "ape_m", {"Town05"}, between("orbslam3_stereo", "orbslam3_stereo_inertial")),
+    "20": ("real", "ape_m", {"Town05"}, between("orbslam3_stereo", "orbslam3_stereo_inertial")),
+    "20q": ("cameras", "ape_m", {"Town05"}, between("orbslam3_stereo", "orbslam3_stereo_inertial")),
     "15n": ("rain", "drift_percent", {"Town10"}, weather("ClearNight")),
 }
 """Of each effect: pass, measure, towns, and both sides of the ratio."""
