@@ -17,7 +17,6 @@ from recorder.demo.answers import SEEDS
 from recorder.demo.story import DemoConfig, cost_of
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.cost import replay_cost
-from recorder.replaying.options import ReplayOptions
 from recorder.writers.stream_sizes import Stretch
 
 ROOT = Path(__file__).parents[2]
@@ -120,7 +119,7 @@ def test_readme_as_it_stands_fits_into_5_gb() -> None:
     for words in command_lines(ROOT / "README.md"):
         if words[0] in ("replay", "dataset"):
             arguments = make_parser().parse_args(words)
-            options = ReplayOptions(**replay_options(arguments))
+            options = replay_options(arguments)
             stretches = (
                 [Stretch(arguments.duration, arguments.camera_duration)] if words[0] == "replay" else []
             )
