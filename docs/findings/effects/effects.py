@@ -3,10 +3,10 @@
 python docs/findings/effects/effects.py PASS=FOLDER[,FOLDER] …   from folders that `carlaloc benchmark` wrote
 python docs/findings/effects/effects.py                          prints the table of the runs kept here
 
-A pass is a rig over some drives: `hdl64e`, `aeries2`, `snow`, `snow64`, `rain`, `air`, `cameras`, `real`.
-`runs.csv` keeps each run's drift in space and in the plane: KITTI's mean over segments of 100 to 400 m, which
-all routes here hold. An effect is the median over towns and systems of a ratio within the same town. A failed
-run is infinitely wrong.
+A pass is a rig over some drives: `hdl64e`, `aeries2`, `snow`, `snow64`, `rain`, `air`, `cameras`, `real`,
+`flu`, `flu640`. `runs.csv` keeps each run's drift in space and in the plane: KITTI's mean over segments of
+100 to 400 m, which all routes here hold. An effect is the median over towns and systems of a ratio within the
+same town. A failed run is infinitely wrong.
 """
 
 import csv
@@ -125,6 +125,11 @@ def weather(other: str, *methods: str) -> tuple[Chosen, Chosen, bool]:
     return chosen("ClearNoon"), chosen(other), True
 
 
+def masked() -> tuple[Chosen, Chosen, bool]:
+    """Without movers in place of among them."""
+    return (lambda run: run.cloud == "raw"), (lambda run: run.cloud == "seg"), True
+
+
 THREE = {"Town03", "Town04", "Town05"}
 SNOW, ICP = {"Town03", "Town07"}, ("kiss_icp", "genz_icp", "small_gicp")
 IN_PLANE = {"4", "5", "5d", "15s", "15h", "15t", "15u", "15r", "15n", "15f"}
@@ -147,6 +152,8 @@ EFFECTS: dict[str, tuple[str, str, set[str], tuple[Chosen, Chosen, bool]]] = {
     "20": ("real", "ape_m", {"Town05"}, between("orbslam3_stereo", "orbslam3_stereo_inertial")),
     "20q": ("cameras", "ape_m", {"Town05"}, between("orbslam3_stereo", "orbslam3_stereo_inertial")),
     "15n": ("rain", "drift_percent", {"Town10"}, weather("ClearNight")),
+    "22": ("flu", "ape_m", {"Town05"}, masked()),
+    "22q": ("flu640", "ape_m", {"Town05"}, masked()),
 }
 """Of each effect: pass, measure, towns, and both sides of the ratio."""
 
