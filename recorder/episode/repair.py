@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 from contextlib import suppress
-from itertools import repeat
 from pathlib import Path
 
 from carlaloc_env.core.errors import EpisodeError
@@ -76,7 +75,12 @@ def _rewrite(source: Path, target: Path) -> None:
     others = [ego_record(car) for car in range(1, len(Episode.load(source, allow_partial=True).egos))]
     numbers = {record.topic: out.add_channel(record) for record in (ego_record(0), ACTORS, EVENT, *others)}
     streams = [
-        zip(container.stamps_ns[topic], repeat(number), container.payloads[topic])
+        zip(
+            container.stamps_ns[topic],
+            [number] * len(container.payloads[topic]),
+            container.payloads[topic],
+            strict=True,
+        )
         for topic, number in numbers.items()
         if topic in container.payloads
     ]
